@@ -1,0 +1,68 @@
+"""What a protocol is: bytes to columnar samples and back, sans-I/O, cut anywhere."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass, field
+from typing import Protocol
+
+from server.nav.types import SampleBlock
+
+
+@dataclass(frozen=True, slots=True, kw_only=True)
+class SenderStats:
+    """Frames and losses of one (system, component), by its own sequence numbers."""
+
+    system: int
+    component: int
+    frames: int
+    lost: int
+
+
+@dataclass(frozen=True, slots=True, kw_only=True)
+class ProtocolStats:
+    """Byte-exact accounts: bytes_in = bytes_frames + bytes_junk + bytes_pending."""
+
+    protocol: str
+    bytes_in: int = 0
+    bytes_frames: int = 0
+    bytes_junk: int = 0
+    bytes_pending: int = 0
+    frames: int = 0
+    crc_errors: int = 0
+    unknown_messages: int = 0
+    filtered_frames: int = 0  # whole and valid, but of another system or component
+    senders: tuple[SenderStats, ...] = ()
+    messages: tuple[tuple[str, int, float], ...] = ()  # (name, count, rate_hz)
+    clock_offset_ns: float = float("nan")  # host minus board
+    clock_drift_ppm: float = float("nan")
+    boot_id: int = 0
+    board: str = ""  # e.g. "ArduPilot quadrotor, system 1"
+
+
+@dataclass(frozen=True, slots=True, kw_only=True)
+class Decoded:
+    """What one chunk gave: sample blocks (one per boot_id, usually one) and texts the board sent."""
+
+    blocks: tuple[SampleBlock, ...] = ()
+    texts: tuple[tuple[int, str], ...] = field(default=())  # (severity 0..7, text)
+
+
+class BoardProtocol(Protocol):
+    """Decoder and talker of one board."""
+
+    def feed(self, data: bytes, t_rx_ns: int) -> Decoded:
+        """Take the stream cut anywhere; the samples do not depend on the cuts."""
+        ...
+
+    def outgoing(self, now_ns: int) -> bytes:
+        """Return what should be sent now (heartbeat, stream requests, time sync); empty when nothing is due."""
+        ...
+
+    def connected(self, now_ns: int) -> None:
+        """Forget half a frame and ask for streams again: the link was (re)opened."""
+        ...
+
+    @property
+    def stats(self) -> ProtocolStats:
+        """Counters, cheap to read."""
+        ...
