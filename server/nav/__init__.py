@@ -1,0 +1,1 @@
+"""The numeric core: pure, no I/O, no clock."""

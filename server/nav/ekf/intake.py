@@ -1,0 +1,187 @@
+"""From a checked measurement on the wire side to rows of the history, with its time of validity."""
+
+from __future__ import annotations
+
+import math
+from typing import Final
+
+from numba import njit
+
+from server.nav.codes import (
+    ALIGNING,
+    BARO,
+    BARO_HEIGHT,
+    FUSED,
+    GNSS,
+    GNSS_POSITION,
+    GNSS_VELOCITY,
+    MAG,
+    MAG_FIELD,
+    REFUSED_DISABLED,
+    REFUSED_NOT_READY,
+    REFUSED_WITHHELD,
+)
+from server.nav.ekf.handle import clear_record, record
+from server.nav.ekf.history import attach
+from server.nav.ekf.layout import (
+    A_GNSS_INTERVAL,
+    A_MAG_SUM,
+    A_MAG_WEIGHT,
+    A_SPEED_GNSS,
+    A_T_GNSS_SEEN,
+    A_T_MAG,
+    C_MAG_SEEN,
+    C_MODE,
+    H_ACC,
+    H_AID,
+    H_DATA,
+    H_SHIFT,
+    H_SIZE,
+    H_STATUS,
+    H_T,
+    H_VAR,
+    M_DATA,
+    M_KIND,
+    M_STATUS,
+    M_T,
+    PAR_BARO_DELAY,
+    PAR_GNSS_DELAY,
+    PAR_IMU_DELAY,
+    PAR_MAG_DELAY,
+    PAR_USE,
+    UNDECIDED,
+)
+from server.nav.types import Float, Int
+
+MAG_INTERVAL_NS: Final = 40e6  # field noise of a vehicle is correlated longer than this: more samples add no knowledge
+UNKNOWN_H_ACC_M: Final = 2.5  # single-frequency receiver in the open
+UNKNOWN_V_ACC_M: Final = 5.0
+UNKNOWN_S_ACC_M_S: Final = 0.3
+MIN_ACC_M: Final = 0.02
+MIN_ACC_M_S: Final = 0.02
+
+
+@njit("float64(float64, float64, float64)", cache=True)
+def _known(value: float, otherwise: float, least: float) -> float:
+    return max(least, value) if math.isfinite(value) else otherwise
+
+
+@njit("int64(float64[::1], float64, float64[:, ::1], float64[::1])", cache=True)
+def standing(m: Float, delay_s: float, withheld: Float, par: Float) -> int:
+    """Return the AidStatus a measurement has before the filter sees it."""
+    kind = int(m[M_KIND])
+    bit = 1 if kind == GNSS else (2 if kind == BARO else 4)
+    if m[M_STATUS] != FUSED:
+        return int(m[M_STATUS])
+    if not int(par[PAR_USE]) & bit:
+        return REFUSED_DISABLED
+    if kind == GNSS:
+        t = m[M_T] - delay_s * 1e9
+        for i in range(withheld.shape[0]):
+            if withheld[i, 0] <= t < withheld[i, 1]:
+                return REFUSED_WITHHELD
+    return FUSED
+
+
+@njit("void(float64[::1], float64, float64, float64[::1])", cache=True)
+def _start_row(h: Float, aid: float, t_ns: float, m: Float) -> None:
+    for i in range(H_SIZE):
+        h[i] = 0.0
+    h[H_AID], h[H_T], h[H_STATUS] = aid, t_ns, UNDECIDED
+    for i in range(3):
+        h[H_DATA + i] = m[M_DATA + i]
+    h[H_SHIFT] = h[H_VAR] = 0.0
+
+
+@njit("void(float64[::1], float64[::1])", cache=True)
+def position_row(h: Float, m: Float) -> None:
+    """Fill a GNSS position row: latitude, longitude rad, height m, and standard deviations m."""
+    h[H_DATA] = math.radians(m[M_DATA])
+    h[H_DATA + 1] = math.radians(m[M_DATA + 1])
+    h[H_ACC] = h[H_ACC + 1] = _known(m[M_DATA + 6], UNKNOWN_H_ACC_M, MIN_ACC_M)
+    h[H_ACC + 2] = _known(m[M_DATA + 7], UNKNOWN_V_ACC_M, MIN_ACC_M)
+
+
+@njit("void(float64[::1], float64[::1])", cache=True)
+def velocity_row(h: Float, m: Float) -> None:
+    """Fill a GNSS velocity row: NED m/s and standard deviations m/s."""
+    for i in range(3):
+        h[H_DATA + i] = m[M_DATA + 3 + i]
+        h[H_ACC + i] = _known(m[M_DATA + 8], UNKNOWN_S_ACC_M_S, MIN_ACC_M_S)
+
+
+@njit("void(float64[::1], float64, float64[::1])", cache=True)
+def _note_gnss(m: Float, t_valid: float, aux: Float) -> None:
+    """Keep the receiver's interval and speed, which the rest and outage logic need."""
+    if aux[A_T_GNSS_SEEN] >= 0.0:
+        interval = min(10.0, max(0.0, (t_valid - aux[A_T_GNSS_SEEN]) * 1e-9))
+        aux[A_GNSS_INTERVAL] += 0.2 * (interval - aux[A_GNSS_INTERVAL])
+    aux[A_T_GNSS_SEEN] = t_valid
+    aux[A_SPEED_GNSS] = math.sqrt(m[M_DATA + 3] ** 2 + m[M_DATA + 4] ** 2)
+
+
+@njit(
+    "int64(float64[::1], int64, float64, float64[::1], float64[::1], int64[::1], float64[::1], float64[:, ::1],"
+    " float64[:, ::1], float64[:, :, ::1], int64[::1], float64[:, ::1], float64[::1], float64[::1])",
+    cache=True,
+)
+def take(
+    m: Float,
+    dirty: int,
+    t_ns: float,
+    par: Float,
+    aux: Float,
+    ctl: Int,
+    work: Float,
+    withheld: Float,
+    r_u: Float,
+    r_m: Float,
+    r_n: Int,
+    aids: Float,
+    aid_t: Float,
+    h: Float,
+) -> int:
+    """Take one measurement; return the earliest dirty slot.
+
+    The filter's clock is the IMU's stamp: a measurement stamped t, valid at t − delay, belongs to the IMU sample
+    stamped t − delay + IMU delay.
+    """
+    kind = int(m[M_KIND])
+    if kind != GNSS and kind != BARO and kind != MAG:
+        return dirty
+    delay = par[PAR_GNSS_DELAY] if kind == GNSS else (par[PAR_BARO_DELAY] if kind == BARO else par[PAR_MAG_DELAY])
+    aid = GNSS_POSITION if kind == GNSS else (BARO_HEIGHT if kind == BARO else MAG_FIELD)
+    t_valid = m[M_T] + (par[PAR_IMU_DELAY] - delay) * 1e9
+    status = standing(m, delay, withheld, par)
+    if kind == MAG and status == FUSED:
+        ctl[C_MAG_SEEN] = 1
+        if ctl[C_MODE] == ALIGNING:
+            for i in range(3):
+                aux[A_MAG_SUM + i] += m[M_DATA + i]
+            aux[A_MAG_WEIGHT] += 1.0
+        elif m[M_T] - aux[A_T_MAG] < MAG_INTERVAL_NS:
+            return dirty
+        aux[A_T_MAG] = m[M_T]
+    if status == FUSED and ctl[C_MODE] == ALIGNING:
+        status = REFUSED_NOT_READY
+    if status != FUSED:
+        clear_record(work)
+        record(aid, status, t_valid, t_ns, work, ctl, aids, aid_t)
+        return dirty
+    if kind == GNSS:
+        _note_gnss(m, t_valid, aux)
+        if math.isfinite(m[M_DATA]):
+            _start_row(h, GNSS_POSITION, t_valid, m)
+            position_row(h, m)
+            dirty = attach(h, dirty, t_ns, ctl, work, r_u, r_m, r_n, aids, aid_t)
+        if not math.isfinite(m[M_DATA + 3]):
+            return dirty
+        _start_row(h, GNSS_VELOCITY, t_valid, m)
+        velocity_row(h, m)
+    else:
+        _start_row(h, aid, t_valid, m)
+        if kind == BARO:
+            h[H_DATA] = m[M_DATA + 1]
+    return attach(h, dirty, t_ns, ctl, work, r_u, r_m, r_n, aids, aid_t)
+
+

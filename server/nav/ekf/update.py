@@ -1,0 +1,97 @@
+"""Scalar measurement updates on the packed covariance, and what the corrections do to the nominal state."""
+
+from __future__ import annotations
+
+import math
+
+from numba import njit
+
+from server.nav.ekf.layout import W_DX, W_H, W_PH
+from server.nav.ekf.predict import move_position
+from server.nav.ekf.states import ACCEL_BIAS, ATT, GYRO_BIAS, POS, VEL, X_ACCEL_BIAS, X_GYRO_BIAS, X_Q, X_VEL, N, packed
+from server.nav.rotation import quat_from_rotvec, quat_mul
+from server.nav.types import Float
+
+MIN_VARIANCE = 1e-18
+"""Floor of a diagonal entry after an update; rounding must not take it to zero or below."""
+
+
+@njit("float64(float64[::1], float64[::1])", cache=True, fastmath={"contract"})
+def project(P: Float, work: Float) -> float:
+    """Set work[W_PH] = P Hᵀ for the row H in work[W_H]; return H P Hᵀ."""
+    for i in range(N):
+        work[W_PH + i] = 0.0
+    for j in range(N):
+        h = work[W_H + j]
+        if h != 0.0:
+            for i in range(N):
+                work[W_PH + i] += h * P[packed(i, j)]
+    total = 0.0
+    for j in range(N):
+        total += work[W_H + j] * work[W_PH + j]
+    return total
+
+
+@njit("float64(float64[::1])", cache=True)
+def correction_seen(work: Float) -> float:
+    """Return H δx of what was collected so far: the next scalar's innovation must not count it twice."""
+    total = 0.0
+    for j in range(N):
+        total += work[W_H + j] * work[W_DX + j]
+    return total
+
+
+@njit("void(float64[::1], float64[::1], float64, float64)", cache=True, fastmath={"contract"})
+def fuse(P: Float, work: Float, innovation: float, variance: float) -> None:
+    """Kalman update with one scalar; `project` has been called [Solà 2017, eq. 274-276].
+
+    Args:
+        P: shape (PACKED,), updated in place.
+        work: scratch with P Hᵀ; the correction is added to work[W_DX].
+        innovation: of this scalar, corrections collected so far already taken off.
+        variance: innovation variance H P Hᵀ + R, > 0.
+    """
+    k = 0
+    for i in range(N):
+        gain = work[W_PH + i] / variance
+        work[W_DX + i] += gain * innovation
+        for j in range(i, N):
+            P[k] -= gain * work[W_PH + j]
+            k += 1
+    for i in range(N):
+        d = packed(i, i)
+        if P[d] < MIN_VARIANCE:
+            P[d] = MIN_VARIANCE
+
+
+@njit("void(float64[::1], float64[::1])", cache=True)
+def inject(x: Float, work: Float) -> None:
+    """Move the correction collected in work[W_DX] into the nominal state and clear it [Solà 2017, eq. 283]."""
+    d = work[W_DX : W_DX + N]
+    turn = quat_from_rotvec(d[ATT], d[ATT + 1], d[ATT + 2])
+    q = quat_mul(turn[0], turn[1], turn[2], turn[3], x[X_Q], x[X_Q + 1], x[X_Q + 2], x[X_Q + 3])
+    scale = 1.0 / math.sqrt(q[0] ** 2 + q[1] ** 2 + q[2] ** 2 + q[3] ** 2)
+    for i in range(4):
+        x[X_Q + i] = q[i] * scale
+    for i in range(3):
+        x[X_VEL + i] += d[VEL + i]
+        x[X_GYRO_BIAS + i] += d[GYRO_BIAS + i]
+        x[X_ACCEL_BIAS + i] += d[ACCEL_BIAS + i]
+    move_position(x, d[POS], d[POS + 1], d[POS + 2])
+    for i in range(N):
+        d[i] = 0.0
+
+
+@njit("void(float64[::1], int64, float64)", cache=True)
+def reset_axis(P: Float, axis: int, variance: float) -> None:
+    """Forget what is known of one error state: no correlation, the given variance."""
+    for j in range(N):
+        P[packed(axis, j)] = 0.0
+    P[packed(axis, axis)] = variance
+
+
+@njit("void(float64[::1])", cache=True)
+def clear_row(work: Float) -> None:
+    """Set H = 0."""
+    for j in range(N):
+        work[W_H + j] = 0.0

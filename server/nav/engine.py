@@ -1,0 +1,318 @@
+"""The whole core as one object: a block of samples in, rows of every lane out, a snapshot on demand.
+
+Samples are taken in order of arrival and the result does not depend on where the blocks are cut: preprocessing keeps
+its open step, and a measurement waits for the step at whose end it is available. Settings that arrive in the stream
+(the board's profile and date) act from their own place in it.
+"""
+
+from __future__ import annotations
+
+import math
+from collections import deque
+from typing import Final
+
+import numpy as np
+
+from server.nav.codes import FUSED, GNSS
+from server.nav.ekf import layout as at
+from server.nav.health import AidBook, sensor_health
+from server.nav.lanes.base import Lane, LaneResult
+from server.nav.lanes.ins_ekf import InsEkf, parameters
+from server.nav.lanes.passthrough import SOURCE, repeat
+from server.nav.preprocess.accumulate import accumulate, new_memory
+from server.nav.preprocess.filtered import filtered_rows
+from server.nav.site import SiteFinder
+from server.nav.types import (
+    AID_COLUMNS,
+    STEP_COLUMNS,
+    AidRows,
+    EngineSettings,
+    Event,
+    FieldModel,
+    FilteredRows,
+    Float,
+    Kind,
+    LaneRows,
+    LaneState,
+    SampleBlock,
+    Snapshot,
+    StepResult,
+    VehicleClass,
+)
+
+LANES: Final = ("ins_ekf", "onboard", "reference")
+"""Every lane there is; the others of the field take their place here."""
+EVENTS_KEPT: Final = 100
+
+
+class NavEngine:
+    """Preprocessing and lanes of one board. Not shared between tasks."""
+
+    def __init__(self, settings: EngineSettings, field_model: FieldModel) -> None:
+        """Start before the first sample.
+
+        Args:
+            settings: what the user set.
+            field_model: the magnetic model, called once per site.
+
+        Raises:
+            ValueError: a lane that does not exist, or a navigation rate that is not positive.
+        """
+        unknown = [lane for lane in settings.lanes if lane not in LANES]
+        if unknown:
+            raise ValueError(f"no lane called {', '.join(unknown)}; there are: {', '.join(LANES)}")
+        if not 1.0 <= settings.nav_rate_hz <= 2000.0:
+            raise ValueError(f"nav_rate_hz is {settings.nav_rate_hz}; it must lie between 1 and 2000")
+        self._settings, self._field_model = settings, field_model
+        self._events: deque[Event] = deque(maxlen=EVENTS_KEPT)
+        self._boot_id = 0
+        self._restart(0)
+
+    def _restart(self, boot_id: int) -> None:
+        """Forget everything that belongs to one power-up."""
+        self._boot_id, self._t0_ns, self._t_ns = boot_id, -1, -1
+        self._memory, self._counters = new_memory()
+        self._finder = SiteFinder(self._settings, self._field_model)
+        self._delays_s = [0.0, 0.0, 0.0, 0.0]
+        self._vehicle = int(self._settings.vehicle)
+        self._carried = np.empty((0, at.M_SIZE))
+        self._held = np.full(5, np.nan)
+        self._lanes: list[Lane] = []
+        self._book = AidBook()
+        self._newest: dict[str, LaneState] = {}
+        self._filtered: tuple[float, ...] = ()
+        self._steps = 0
+        self._mag_scale_told = False
+
+    def step(self, block: SampleBlock) -> StepResult:
+        """Take samples in order of arrival; return all they completed, oldest first."""
+        if block.boot_id != self._boot_id:
+            self._restart(block.boot_id)
+        if self._t0_ns < 0 and len(block.t_ns):
+            self._start(int(block.t_ns[0]))
+        parts: list[_Part] = []
+        cuts = np.flatnonzero(block.kind >= Kind.DATE)
+        begin = 0
+        for cut in (*cuts.tolist(), len(block.kind)):
+            if cut > begin:
+                parts.append(self._advance(block, begin, cut))
+            if cut < len(block.kind):
+                self._configure(Kind(int(block.kind[cut])), block.data[cut])
+            begin = cut + 1
+        return self._collect(block, parts)
+
+    def _start(self, t0_ns: int) -> None:
+        """Build the lanes: the kernels count time from the first sample."""
+        self._t0_ns = t0_ns
+        origin = self._settings.t_origin_ns if self._settings.t_origin_ns >= 0 else t0_ns
+        held_back = np.array(self._settings.gnss_withheld_s, dtype=np.float64).reshape(-1, 2)
+        withheld_ns = np.ascontiguousarray(held_back * 1e9 + (origin - t0_ns))
+        self._resolve_delays((math.nan,) * 4)
+        if "ins_ekf" in self._settings.lanes:
+            self._lanes.append(InsEkf(self._settings, self._parameters(), withheld_ns, t0_ns))
+        site = self._finder.settle(t0_ns)
+        if site is not None:
+            for lane in self._lanes:
+                lane.set_site(site)
+
+    def _parameters(self) -> Float:
+        imu, mag, gnss, baro = self._delays_s
+        return parameters(self._settings, (imu, mag, gnss, baro), self._vehicle)
+
+    def _resolve_delays(self, profile_s: tuple[float, ...]) -> None:
+        """Settings win over the protocol's profile, the profile over zero."""
+        own = self._settings
+        given = (own.imu_delay_s, own.mag_delay_s, own.gnss_delay_s, own.baro_delay_s)
+        for i, (setting, profile) in enumerate(zip(given, profile_s, strict=True)):
+            self._delays_s[i] = setting if math.isfinite(setting) else (profile if math.isfinite(profile) else 0.0)
+
+    def _configure(self, kind: Kind, row: Float) -> None:
+        """Take what the board says of itself."""
+        if kind == Kind.DATE:
+            if math.isnan(self._finder.board_year):
+                self._finder.board_year = float(row[0])
+            return
+        self._finder.awaits_date = True
+        self._resolve_delays((float(row[0]), float(row[1]), float(row[2]), float(row[3])))
+        if self._settings.vehicle == VehicleClass.UNKNOWN and math.isfinite(row[4]):
+            self._vehicle = int(row[4])
+        for lane in self._lanes:
+            if isinstance(lane, InsEkf):
+                lane.configure(self._parameters())
+
+    def _advance(self, block: SampleBlock, begin: int, end: int) -> _Part:
+        """Run preprocessing and lanes over rows [begin, end) of a block."""
+        n = end - begin
+        steps, meas = np.empty((n, at.U_SIZE)), np.empty((n, at.M_SIZE))
+        n_steps, n_meas = accumulate(
+            block.kind[begin:end], block.t_ns[begin:end], block.data[begin:end], self._t0_ns,
+            self._settings.nav_rate_hz, self._memory, self._counters, steps, meas,
+        )  # fmt: skip
+        steps, meas = steps[:n_steps], meas[:n_meas]
+        if len(self._carried):
+            meas = np.concatenate((self._carried, meas))
+        ready = int(np.searchsorted(meas[:, at.M_STEP], n_steps))  # the rest waits for a step that is still open
+        self._carried = meas[ready:].copy()
+        self._carried[:, at.M_STEP] = 0.0
+        part = _Part()
+        if n_steps:
+            self._run_lanes(steps, np.ascontiguousarray(meas[:ready]), part)
+        return part
+
+    def _run_lanes(self, steps: Float, meas: Float, part: _Part) -> None:
+        """Run every lane, in two halves when the site is settled in between."""
+        self._steps += len(steps)
+        part.filtered = np.empty((len(steps), len(STEP_COLUMNS)))
+        filtered_rows(steps, meas, self._held, part.filtered)
+        part.t_ns = steps[:, at.U_T].astype(np.int64) + self._t0_ns
+        begin = 0
+        if self._finder.site is None:
+            settled = self._find_site(steps, meas)
+            if settled >= 0:
+                self._run_some(steps, meas, 0, settled, part)
+                begin = settled
+                for lane in self._lanes:
+                    lane.set_site(self._finder.site)  # type: ignore[arg-type]  # just settled
+        self._run_some(steps, meas, begin, len(steps), part)
+
+    def _find_site(self, steps: Float, meas: Float) -> int:
+        """Return the step before which the site is settled, −1 when it is not in this call."""
+        good = meas[(meas[:, at.M_KIND] == GNSS) & (meas[:, at.M_STATUS] == FUSED)]
+        for m in good:
+            k = int(m[at.M_STEP])
+            lat_deg, lon_deg, alt_m = m[at.M_DATA : at.M_DATA + 3].tolist()
+            if self._finder.offer(lat_deg, lon_deg, alt_m, int(steps[k, at.U_T])) is not None:
+                return k
+        return -1
+
+    def _run_some(self, steps: Float, meas: Float, begin: int, end: int, part: _Part) -> None:
+        """Run every lane over steps [begin, end)."""
+        if end <= begin:
+            return
+        first, last = np.searchsorted(meas[:, at.M_STEP], (begin, end))
+        own = meas[first:last]
+        if begin:
+            own = own.copy()
+            own[:, at.M_STEP] -= begin
+        part.results += [lane.step(steps[begin:end], own, part.t_ns[begin:end]) for lane in self._lanes]
+
+    def _collect(self, block: SampleBlock, parts: list[_Part]) -> StepResult:
+        """Join what the parts gave and keep the newest of everything for the snapshot."""
+        results = [result for part in parts for result in part.results]
+        rows = [_join([r.rows for r in results if r.rows.lane == lane.name]) for lane in self._lanes]
+        rows += [repeat(name, block, self._finder.site) for name in SOURCE if name in self._settings.lanes]
+        lanes = tuple(r for r in rows if r is not None)
+        aids = _join_aids([r.aids for r in results if r.aids is not None])
+        filtered = [p for p in parts if len(p.filtered)]
+        events = tuple(e for r in results for e in r.events) + self._mag_scale_event()
+        self._keep(lanes, aids, filtered, events)
+        return StepResult(
+            boot_id=self._boot_id,
+            block=block,
+            lanes=lanes,
+            aids=aids,
+            filtered=FilteredRows(
+                t_ns=np.concatenate([p.t_ns for p in filtered]) if filtered else np.empty(0, dtype=np.int64),
+                data=np.concatenate([p.filtered for p in filtered]) if filtered else np.empty((0, len(STEP_COLUMNS))),
+            ),
+            events=events,
+        )
+
+    def _keep(self, lanes: tuple[LaneRows, ...], aids: AidRows, filtered: list[_Part], events: tuple[Event, ...]) -> None:
+        self._book.add(aids)
+        self._events.extend(events)
+        for rows in lanes:
+            t_ns = int(rows.t_ns[-1])
+            row = rows.data[-1]
+            before = self._newest.get(rows.lane)
+            if rows.lane in SOURCE and before is not None:  # attitude and position come in turns
+                row = np.where(np.isnan(row), before.row, row)
+            provides = next((lane.provides for lane in self._lanes if lane.name == rows.lane), "full")
+            self._newest[rows.lane] = LaneState(lane=rows.lane, provides=provides, t_ns=t_ns, row=row)
+            self._t_ns = max(self._t_ns, t_ns)
+        if filtered:
+            self._filtered = tuple(filtered[-1].filtered[-1].tolist())
+
+    def _mag_scale_event(self) -> tuple[Event, ...]:
+        """Say once that the board's magnetic field is in another unit than the protocol's."""
+        if self._mag_scale_told:
+            return ()
+        mag = next((s for s in sensor_health(self._memory, self._counters, self._t0_ns) if s.name == "mag"), None)
+        if mag is None or mag.samples == 0:
+            return ()
+        self._mag_scale_told = True
+        if mag.scale == 1.0:
+            return ()
+        text = (
+            f"The board's magnetic field is {1.0 / mag.scale:g} times too large for gauss; it is scaled by"
+            f" {mag.scale:g}. Nothing to do; newer firmware may send the specified unit."
+        )
+        return (
+            Event(
+                t_ns=mag.t_last_ns,
+                code="mag-scale-corrected",
+                severity="info",
+                text=text,
+                values=(("scale", mag.scale),),
+            ),
+        )
+
+    def snapshot(self) -> Snapshot:
+        """Return the newest state of everything; built now, from what the engine holds."""
+        return Snapshot(
+            boot_id=self._boot_id,
+            t_ns=self._t_ns,
+            lanes=tuple(self._newest.values()),
+            sensors=sensor_health(self._memory, self._counters, max(self._t0_ns, 0)),
+            aids=self._book.health(),
+            site=self._finder.site,
+            filtered=self._filtered,
+            events=tuple(self._events),
+            steps=self._steps,
+        )
+
+
+class _Part:
+    """What one uninterrupted run of samples gave."""
+
+    def __init__(self) -> None:
+        self.t_ns = np.empty(0, dtype=np.int64)
+        self.filtered = np.empty((0, len(STEP_COLUMNS)))
+        self.results: list[LaneResult] = []
+
+
+def _join(rows: list[LaneRows]) -> LaneRows | None:
+    """Return the rows of one lane as one table."""
+    if len(rows) <= 1:
+        return rows[0] if rows else None
+    return LaneRows(
+        lane=rows[0].lane,
+        t_ns=np.concatenate([r.t_ns for r in rows]),
+        data=np.concatenate([r.data for r in rows]),
+    )
+
+
+def _join_aids(rows: list[AidRows]) -> AidRows:
+    """Return the records of one call as one table."""
+    if len(rows) == 1:
+        return rows[0]
+    if not rows:
+        return AidRows(t_ns=np.empty(0, dtype=np.int64), data=np.empty((0, len(AID_COLUMNS))))
+    return AidRows(t_ns=np.concatenate([r.t_ns for r in rows]), data=np.concatenate([r.data for r in rows]))
+
+
+def warm() -> None:
+    """Load every compiled kernel, so that the first sample does not wait for one."""
+    kind = np.array([Kind.IMU] * 3, dtype=np.uint8)
+    data = np.zeros((3, 14))
+    data[:, 5] = -9.8
+    t_ns = np.array([0, 20_000_000, 40_000_000], dtype=np.int64)
+    block = SampleBlock(kind=kind, t_ns=t_ns, t_rx_ns=t_ns, data=data)
+
+    def no_field(lat_deg: float, lon_deg: float, alt_m: float, decimal_year: float) -> tuple[Float, float]:
+        return np.array([0.2, 0.0, 0.4]), decimal_year
+
+    NavEngine(EngineSettings(), no_field).step(block)
+
+
+__all__ = ["LANES", "NavEngine", "warm"]

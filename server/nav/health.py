@@ -1,0 +1,102 @@
+"""Counts per sensor and per aid since power-up, kept by the engine and read by the snapshot."""
+
+from __future__ import annotations
+
+import math
+from typing import Final
+
+import numpy as np
+
+from server.nav.preprocess import accumulate as acc
+from server.nav.types import AID_COLUMNS, Aid, AidHealth, AidRows, AidStatus, Float, Int, Kind, SensorHealth
+
+SENSORS: Final = (
+    ("imu", Kind.IMU),
+    ("mag", Kind.MAG),
+    ("baro", Kind.BARO),
+    ("gnss", Kind.GNSS),
+    ("airspeed", Kind.AIRSPEED),
+)
+REASONS: Final = (
+    ("range", acc.N_RANGE),
+    ("order", acc.N_ORDER),
+    ("stuck", acc.N_STUCK),
+    ("gap", acc.N_GAPS),
+    ("field-strength", acc.N_FIELD),
+    ("no-fix", acc.N_NO_FIX),
+)
+
+
+def sensor_health(s: Float, n: Int, t0_ns: int) -> tuple[SensorHealth, ...]:
+    """Return one entry per sensor that was ever seen, from the preprocessing's memory (`accumulate`)."""
+    entries = []
+    for name, kind in SENSORS:
+        counters = n[kind]
+        if not counters.any():
+            continue
+        refused = tuple((reason, int(counters[i])) for reason, i in REASONS if counters[i])
+        interval_s = float(s[acc.S_RATE + kind])
+        scale = float(s[acc.S_MAG_SCALE]) if kind == Kind.MAG and s[acc.S_MAG_SCALE] > 0.0 else 1.0
+        seen = s[acc.S_T_KIND + kind] >= 0.0
+        entries.append(
+            SensorHealth(
+                name=name,
+                t_last_ns=int(s[acc.S_T_KIND + kind]) + t0_ns if seen else -1,
+                rate_hz=1.0 / interval_s if interval_s > 0.0 else math.nan,
+                samples=int(counters[acc.N_SAMPLES]),
+                repeated=int(counters[acc.N_REPEATED]),
+                refused=refused,
+                scale=scale,
+                note=_note(kind, scale, counters, s),
+            )
+        )
+    return tuple(entries)
+
+
+def _note(kind: Kind, scale: float, counters: Int, s: Float) -> str:
+    if kind == Kind.MAG and s[acc.S_MAG_BAD] > 0.0:
+        return "mag-field-implausible"
+    if kind == Kind.MAG and scale != 1.0:
+        return "mag-scale-corrected"
+    if kind == Kind.IMU and s[acc.S_SAME] > acc.STUCK_S:
+        return "imu-stuck"
+    if kind == Kind.IMU and counters[acc.N_GAPS]:
+        return "imu-gaps"
+    return ""
+
+
+class AidBook:
+    """Fused and refused counts and the last record of every aid."""
+
+    def __init__(self) -> None:
+        self._counts = np.zeros((len(Aid), len(AidStatus)), dtype=np.int64)
+        self._last = np.full((len(Aid), len(AID_COLUMNS)), np.nan)
+        self._t_fused_ns = np.full(len(Aid), -1, dtype=np.int64)
+
+    def add(self, rows: AidRows) -> None:
+        """Count the records of one call."""
+        if not len(rows.t_ns):
+            return
+        aid, status = rows.data[:, 0].astype(np.int64), rows.data[:, 1].astype(np.int64)
+        np.add.at(self._counts, (aid, status), 1)
+        self._last[aid] = rows.data  # with repeated indices the last one stays
+        fused = status == AidStatus.FUSED
+        self._t_fused_ns[aid[fused]] = rows.t_ns[fused]
+
+    def health(self) -> tuple[AidHealth, ...]:
+        """Return one entry per aid that was ever seen."""
+        entries = []
+        for aid in Aid:
+            counts = self._counts[aid]
+            if counts.any():
+                refused = tuple((status, int(counts[status])) for status in AidStatus if status and counts[status])
+                entries.append(
+                    AidHealth(
+                        aid=aid,
+                        fused=int(counts[AidStatus.FUSED]),
+                        refused=refused,
+                        t_fused_ns=int(self._t_fused_ns[aid]),
+                        last=tuple(self._last[aid].tolist()),
+                    )
+                )
+        return tuple(entries)

@@ -1,0 +1,180 @@
+"""The main lane: error-state Kalman filter over attitude, velocity, position and the inertial sensors' biases."""
+
+from __future__ import annotations
+
+import math
+from typing import Final
+
+import numpy as np
+
+from server.nav.ekf import defaults
+from server.nav.ekf import layout as at
+from server.nav.ekf.align import turn_about_down
+from server.nav.ekf.run import run
+from server.nav.ekf.states import PACKED, X_POS, X_Q, X_SIZE
+from server.nav.lanes.base import LaneResult
+from server.nav.types import (
+    AID_COLUMNS,
+    LANE_COLUMNS,
+    AidRows,
+    EngineSettings,
+    Event,
+    Float,
+    Int,
+    LaneRows,
+    LaneStatus,
+    Site,
+)
+
+MAX_EVENTS: Final = 64
+EVENT_TEXTS: Final[dict[int, tuple[str, str, str, tuple[str, str]]]] = {
+    at.E_ALIGNED: (
+        "aligned",
+        "info",
+        "Aligned; heading σ {0:.3g} rad, tilt σ {1:.3g} rad.",
+        ("sigma_heading_rad", "sigma_tilt_rad"),
+    ),
+    at.E_GNSS_RESET: (
+        "gnss-reset",
+        "caution",
+        "GNSS contradicted the filter for ten seconds; position moved by {0:.1f} m, height by {1:.1f} m.",
+        ("horizontal_m", "down_m"),
+    ),
+    at.E_GNSS_LOST: (
+        "gnss-lost",
+        "caution",
+        "No GNSS fix for {0:.1f} s: dead reckoning. Check the antenna's view of the sky.",
+        ("age_s", ""),
+    ),
+    at.E_GNSS_BACK: (
+        "gnss-back",
+        "info",
+        "GNSS is back after {0:.1f} s; the position was {1:.2f} m away.",
+        ("outage_s", "horizontal_m"),
+    ),
+    at.E_YAW_RESET: ("yaw-reset", "info", "Heading turned by {0:.3f} rad: declination is known now.", ("yaw_rad", "")),
+    at.E_FAILED: ("filter-failed", "warning", "The filter lost its numbers and starts again; report this.", ("", "")),
+    at.E_GAP: (
+        "imu-gap",
+        "warning",
+        "No IMU data for {0:.2f} s: aligning again. Check the link and the board's load.",
+        ("gap_s", ""),
+    ),
+}
+
+
+def parameters(settings: EngineSettings, delays_s: tuple[float, float, float, float], vehicle: int) -> Float:
+    """Return the kernel's parameter array: settings where given, the vehicle class's defaults elsewhere.
+
+    Args:
+        settings: NaN means "not given".
+        delays_s: IMU, magnetometer, GNSS, baro, as resolved by the engine.
+        vehicle: value of `VehicleClass`.
+    """
+    noise = defaults.of_vehicle(vehicle)
+
+    def given(value: float, otherwise: float) -> float:
+        return otherwise if math.isnan(value) else value
+
+    par = np.zeros(at.PAR_SIZE)
+    par[at.PAR_GYRO_NOISE] = given(settings.gyro_noise_rad_s_rthz, noise.gyro_noise_rad_s_rthz)
+    par[at.PAR_ACCEL_NOISE] = given(settings.accel_noise_m_s2_rthz, noise.accel_noise_m_s2_rthz)
+    par[at.PAR_GYRO_WALK] = given(settings.gyro_bias_walk_rad_s2_rthz, noise.gyro_bias_walk_rad_s2_rthz)
+    par[at.PAR_ACCEL_WALK] = given(settings.accel_bias_walk_m_s3_rthz, noise.accel_bias_walk_m_s3_rthz)
+    par[at.PAR_GATE] = defaults.GATE_SIGMA
+    par[at.PAR_MAG_NOISE] = noise.mag_noise_gauss
+    par[at.PAR_DECLINATION_SIGMA] = noise.declination_sigma_rad
+    par[at.PAR_BARO_NOISE] = noise.baro_noise_m
+    par[at.PAR_GNSS_CORRELATION] = defaults.GNSS_CORRELATION
+    par[at.PAR_LEVER : at.PAR_LEVER + 3] = settings.lever_arm_b_m
+    par[at.PAR_IMU_DELAY], par[at.PAR_MAG_DELAY], par[at.PAR_GNSS_DELAY], par[at.PAR_BARO_DELAY] = delays_s
+    par[at.PAR_ACCEL_BIAS_SIGMA] = defaults.ACCEL_BIAS_SIGMA_M_S2
+    par[at.PAR_BARO_DRIFT] = defaults.BARO_DRIFT_M_RTS
+    par[at.PAR_VEHICLE] = vehicle
+    par[at.PAR_GRAVITY_NOISE] = noise.gravity_noise_m_s2
+    par[at.PAR_USE] = 1 * settings.use_gnss + 2 * settings.use_baro + 4 * settings.use_mag
+    return par
+
+
+class InsEkf:
+    """Owns the filter's arrays and nothing else; `ekf.run.run` computes."""
+
+    name = "ins_ekf"
+    provides = "full"
+
+    def __init__(self, settings: EngineSettings, par: Float, withheld_ns: Float, t0_ns: int) -> None:
+        """Start before the first step.
+
+        Args:
+            settings: the engine's.
+            par: shape (PAR_SIZE,), from `parameters`; replaced by `configure`.
+            withheld_ns: shape (j, 2), intervals counted from `t0_ns` whose GNSS is held back.
+            t0_ns: board time the kernels count from.
+        """
+        slots = max(16, math.ceil(defaults.HISTORY_S * settings.nav_rate_hz))
+        self._t0_ns = t0_ns
+        self._par, self._withheld = par, withheld_ns
+        self._x, self._P = np.zeros(X_SIZE), np.zeros(PACKED)
+        self._x[X_Q] = 1.0
+        self._aux, self._ctl = np.zeros(at.A_SIZE), np.zeros(at.C_SIZE, dtype=np.int64)
+        for index in (at.A_T_GNSS, at.A_T_GNSS_SEEN, at.A_T_START):
+            self._aux[index] = -1.0
+        for index in (at.A_T_MAG, at.A_T_BARO, at.A_T_STILL, at.A_T_RATE, at.A_T_GRAVITY):
+            self._aux[index] = -1e18
+        self._aux[at.A_K_POS] = self._aux[at.A_K_VEL] = self._aux[at.A_K_BARO] = 1.0
+        self._aux[at.A_GNSS_INTERVAL] = 0.2
+        self._aux[at.A_GRAVITY] = 9.80665
+        self._work, self._h = np.zeros(at.W_SIZE), np.zeros(at.H_SIZE)
+        self._r_u, self._r_x = np.zeros((slots, at.U_SIZE)), np.zeros((slots, X_SIZE))
+        self._r_P = np.zeros((slots, PACKED))
+        self._r_m = np.zeros((slots, at.SLOT_MEASUREMENTS, at.H_SIZE))
+        self._r_n = np.zeros(slots, dtype=np.int64)
+        self._pending: list[Event] = []
+
+    def configure(self, par: Float) -> None:
+        """Take other parameters from the next step on."""
+        self._par = par
+
+    def set_site(self, site: Site) -> None:
+        """Take the origin and, where the model gave one, the field; a heading held against magnetic north turns."""
+        aux, ctl = self._aux, self._ctl
+        aux[at.A_SITE : at.A_SITE + 3] = math.radians(site.lat_deg), math.radians(site.lon_deg), site.alt_m
+        self._x[X_POS : X_POS + 3] = aux[at.A_SITE : at.A_SITE + 3]
+        ctl[at.C_HAS_SITE] = 1
+        if site.field_n_gauss:
+            north, east, down = site.field_n_gauss
+            aux[at.A_DECLINATION], aux[at.A_FIELD_D] = site.declination_rad, down
+            aux[at.A_FIELD_H], ctl[at.C_HAS_FIELD] = math.hypot(north, east), 1
+            if ctl[at.C_MODE] != LaneStatus.ALIGNING and ctl[at.C_HAS_HEADING]:
+                turn_about_down(self._x, site.declination_rad)
+                self._pending.append(self._event(at.E_YAW_RESET, self._r_u[self._newest(), 0], site.declination_rad, 0.0))
+        if ctl[at.C_VALID] > 0:  # what is older was held in the other frame and cannot be re-run
+            self._r_x[self._newest()], ctl[at.C_VALID] = self._x, 1
+
+    def _newest(self) -> int:
+        return int(self._ctl[at.C_HEAD] - 1) % len(self._r_u)
+
+    def step(self, steps: Float, meas: Float, t_ns: Int) -> LaneResult:
+        """Advance over steps and measurements; see `Lane.step`."""
+        n = len(steps)
+        rows = np.empty((n, len(LANE_COLUMNS)))
+        most = 2 * len(meas) + 4 * n
+        aids, aid_t = np.empty((most, len(AID_COLUMNS))), np.empty(most)
+        events = np.empty((MAX_EVENTS, at.E_SIZE))
+        self._ctl[at.C_AIDS] = self._ctl[at.C_EVENTS] = 0
+        run(
+            steps, meas, self._x, self._P, self._par, self._aux, self._ctl, self._work, self._withheld,
+            self._r_u, self._r_x, self._r_P, self._r_m, self._r_n, rows, aids, aid_t, events, self._h,
+        )  # fmt: skip
+        k = int(self._ctl[at.C_AIDS])
+        aid_rows = AidRows(t_ns=aid_t[:k].astype(np.int64) + self._t0_ns, data=aids[:k])
+        aid_rows.data[:, 15] += self._t0_ns
+        found = self._pending + [self._event(int(e[0]), *e[1:]) for e in events[: self._ctl[at.C_EVENTS]]]
+        self._pending = []
+        return LaneResult(rows=LaneRows(lane=self.name, t_ns=t_ns, data=rows), aids=aid_rows, events=tuple(found))
+
+    def _event(self, code: int, t: float, first: float, second: float) -> Event:
+        key, severity, text, names = EVENT_TEXTS[code]
+        values = tuple((name, float(v)) for name, v in zip(names, (first, second), strict=True) if name)
+        sentence = text.format(first, second)
+        return Event(t_ns=int(t) + self._t0_ns, code=key, severity=severity, text=sentence, values=values)
