@@ -13,17 +13,18 @@ from typing import Final
 
 import numpy as np
 
-from server.nav.codes import FUSED, GNSS
+from server.nav.codes import FUSED, GNSS, MAG
 from server.nav.ekf import layout as at
-from server.nav.health import AidBook, sensor_health
-from server.nav.lanes.base import Lane, LaneResult
+from server.nav.health import AidBook, mag_scale_event, sensor_health
+from server.nav.lanes.base import Lane
 from server.nav.lanes.ins_ekf import InsEkf, parameters
 from server.nav.lanes.passthrough import SOURCE, repeat
-from server.nav.preprocess.accumulate import accumulate, new_memory
+from server.nav.parts import Part, join, join_aids
+from server.nav.preprocess.accumulate import accumulate
 from server.nav.preprocess.filtered import filtered_rows
+from server.nav.preprocess.memory import S_MAG_SCALE, new_memory
 from server.nav.site import SiteFinder
 from server.nav.types import (
-    AID_COLUMNS,
     STEP_COLUMNS,
     AidRows,
     EngineSettings,
@@ -90,7 +91,7 @@ class NavEngine:
             self._restart(block.boot_id)
         if self._t0_ns < 0 and len(block.t_ns):
             self._start(int(block.t_ns[0]))
-        parts: list[_Part] = []
+        parts: list[Part] = []
         cuts = np.flatnonzero(block.kind >= Kind.DATE)
         begin = 0
         for cut in (*cuts.tolist(), len(block.kind)):
@@ -140,7 +141,7 @@ class NavEngine:
             if isinstance(lane, InsEkf):
                 lane.configure(self._parameters())
 
-    def _advance(self, block: SampleBlock, begin: int, end: int) -> _Part:
+    def _advance(self, block: SampleBlock, begin: int, end: int) -> Part:
         """Run preprocessing and lanes over rows [begin, end) of a block."""
         n = end - begin
         steps, meas = np.empty((n, at.U_SIZE)), np.empty((n, at.M_SIZE))
@@ -154,12 +155,22 @@ class NavEngine:
         ready = int(np.searchsorted(meas[:, at.M_STEP], n_steps))  # the rest waits for a step that is still open
         self._carried = meas[ready:].copy()
         self._carried[:, at.M_STEP] = 0.0
-        part = _Part()
+        part = Part()
+        if not self._mag_scale_told and n_meas:
+            self._tell_mag_scale(meas, part)
         if n_steps:
             self._run_lanes(steps, np.ascontiguousarray(meas[:ready]), part)
         return part
 
-    def _run_lanes(self, steps: Float, meas: Float, part: _Part) -> None:
+    def _tell_mag_scale(self, meas: Float, part: Part) -> None:
+        """Say once, at the first magnetic sample, that its unit is not the protocol's."""
+        field = meas[meas[:, at.M_KIND] == MAG]
+        if len(field):
+            self._mag_scale_told = True
+            event = mag_scale_event(float(self._memory[S_MAG_SCALE]), int(field[0, at.M_T]) + self._t0_ns)
+            part.events += [event] if event else []
+
+    def _run_lanes(self, steps: Float, meas: Float, part: Part) -> None:
         """Run every lane, in two halves when the site is settled in between."""
         self._steps += len(steps)
         part.filtered = np.empty((len(steps), len(STEP_COLUMNS)))
@@ -185,7 +196,7 @@ class NavEngine:
                 return k
         return -1
 
-    def _run_some(self, steps: Float, meas: Float, begin: int, end: int, part: _Part) -> None:
+    def _run_some(self, steps: Float, meas: Float, begin: int, end: int, part: Part) -> None:
         """Run every lane over steps [begin, end)."""
         if end <= begin:
             return
@@ -196,15 +207,15 @@ class NavEngine:
             own[:, at.M_STEP] -= begin
         part.results += [lane.step(steps[begin:end], own, part.t_ns[begin:end]) for lane in self._lanes]
 
-    def _collect(self, block: SampleBlock, parts: list[_Part]) -> StepResult:
+    def _collect(self, block: SampleBlock, parts: list[Part]) -> StepResult:
         """Join what the parts gave and keep the newest of everything for the snapshot."""
         results = [result for part in parts for result in part.results]
-        rows = [_join([r.rows for r in results if r.rows.lane == lane.name]) for lane in self._lanes]
+        rows = [join([r.rows for r in results if r.rows.lane == lane.name]) for lane in self._lanes]
         rows += [repeat(name, block, self._finder.site) for name in SOURCE if name in self._settings.lanes]
         lanes = tuple(r for r in rows if r is not None)
-        aids = _join_aids([r.aids for r in results if r.aids is not None])
+        aids = join_aids([r.aids for r in results if r.aids is not None])
         filtered = [p for p in parts if len(p.filtered)]
-        events = tuple(e for r in results for e in r.events) + self._mag_scale_event()
+        events = tuple(e for part in parts for e in (*part.events, *(e for r in part.results for e in r.events)))
         self._keep(lanes, aids, filtered, events)
         return StepResult(
             boot_id=self._boot_id,
@@ -218,7 +229,9 @@ class NavEngine:
             events=events,
         )
 
-    def _keep(self, lanes: tuple[LaneRows, ...], aids: AidRows, filtered: list[_Part], events: tuple[Event, ...]) -> None:
+    def _keep(
+        self, lanes: tuple[LaneRows, ...], aids: AidRows, filtered: list[Part], events: tuple[Event, ...]
+    ) -> None:
         self._book.add(aids)
         self._events.extend(events)
         for rows in lanes:
@@ -233,30 +246,6 @@ class NavEngine:
         if filtered:
             self._filtered = tuple(filtered[-1].filtered[-1].tolist())
 
-    def _mag_scale_event(self) -> tuple[Event, ...]:
-        """Say once that the board's magnetic field is in another unit than the protocol's."""
-        if self._mag_scale_told:
-            return ()
-        mag = next((s for s in sensor_health(self._memory, self._counters, self._t0_ns) if s.name == "mag"), None)
-        if mag is None or mag.samples == 0:
-            return ()
-        self._mag_scale_told = True
-        if mag.scale == 1.0:
-            return ()
-        text = (
-            f"The board's magnetic field is {1.0 / mag.scale:g} times too large for gauss; it is scaled by"
-            f" {mag.scale:g}. Nothing to do; newer firmware may send the specified unit."
-        )
-        return (
-            Event(
-                t_ns=mag.t_last_ns,
-                code="mag-scale-corrected",
-                severity="info",
-                text=text,
-                values=(("scale", mag.scale),),
-            ),
-        )
-
     def snapshot(self) -> Snapshot:
         """Return the newest state of everything; built now, from what the engine holds."""
         return Snapshot(
@@ -270,35 +259,6 @@ class NavEngine:
             events=tuple(self._events),
             steps=self._steps,
         )
-
-
-class _Part:
-    """What one uninterrupted run of samples gave."""
-
-    def __init__(self) -> None:
-        self.t_ns = np.empty(0, dtype=np.int64)
-        self.filtered = np.empty((0, len(STEP_COLUMNS)))
-        self.results: list[LaneResult] = []
-
-
-def _join(rows: list[LaneRows]) -> LaneRows | None:
-    """Return the rows of one lane as one table."""
-    if len(rows) <= 1:
-        return rows[0] if rows else None
-    return LaneRows(
-        lane=rows[0].lane,
-        t_ns=np.concatenate([r.t_ns for r in rows]),
-        data=np.concatenate([r.data for r in rows]),
-    )
-
-
-def _join_aids(rows: list[AidRows]) -> AidRows:
-    """Return the records of one call as one table."""
-    if len(rows) == 1:
-        return rows[0]
-    if not rows:
-        return AidRows(t_ns=np.empty(0, dtype=np.int64), data=np.empty((0, len(AID_COLUMNS))))
-    return AidRows(t_ns=np.concatenate([r.t_ns for r in rows]), data=np.concatenate([r.data for r in rows]))
 
 
 def warm() -> None:

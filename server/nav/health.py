@@ -7,8 +7,9 @@ from typing import Final
 
 import numpy as np
 
-from server.nav.preprocess import accumulate as acc
-from server.nav.types import AID_COLUMNS, Aid, AidHealth, AidRows, AidStatus, Float, Int, Kind, SensorHealth
+from server.nav.preprocess import memory as acc
+from server.nav.preprocess.check import STUCK_S
+from server.nav.types import AID_COLUMNS, Aid, AidHealth, AidRows, AidStatus, Event, Float, Int, Kind, SensorHealth
 
 SENSORS: Final = (
     ("imu", Kind.IMU),
@@ -58,7 +59,7 @@ def _note(kind: Kind, scale: float, counters: Int, s: Float) -> str:
         return "mag-field-implausible"
     if kind == Kind.MAG and scale != 1.0:
         return "mag-scale-corrected"
-    if kind == Kind.IMU and s[acc.S_SAME] > acc.STUCK_S:
+    if kind == Kind.IMU and s[acc.S_SAME] > STUCK_S:
         return "imu-stuck"
     if kind == Kind.IMU and counters[acc.N_GAPS]:
         return "imu-gaps"
@@ -100,3 +101,14 @@ class AidBook:
                     )
                 )
         return tuple(entries)
+
+
+def mag_scale_event(scale: float, t_ns: int) -> Event | None:
+    """Return what to tell a person when the board's field is in another unit than its protocol says."""
+    if scale in (0.0, 1.0):
+        return None
+    text = (
+        f"The board's magnetic field is {1.0 / scale:g} times too large for gauss; it is scaled by {scale:g}."
+        " Nothing to do; newer firmware may send the specified unit."
+    )
+    return Event(t_ns=t_ns, code="mag-scale-corrected", severity="info", text=text, values=(("scale", scale),))

@@ -59,5 +59,3 @@ class SiteFinder:
         if math.isfinite(self.board_year):
             return self.board_year, "board"
         return math.nan, "model-epoch"
-
-

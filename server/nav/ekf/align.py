@@ -27,13 +27,26 @@ from server.nav.ekf.layout import (
     C_MODE,
     C_STILL_STEPS,
     PAR_ACCEL_BIAS_SIGMA,
+    PAR_DECLINATION_SIGMA,
     U_ACCEL_MEAN,
     U_DT,
     U_GYRO_MEAN,
     U_T,
 )
 from server.nav.ekf.predict import gravity_here
-from server.nav.ekf.states import ACCEL_BIAS, ATT, GYRO_BIAS, POS, VEL, X_ACCEL_BIAS, X_GYRO_BIAS, X_Q, packed
+from server.nav.ekf.states import (
+    ACCEL_BIAS,
+    ATT,
+    DECLINATION,
+    GYRO_BIAS,
+    POS,
+    VEL,
+    X_ACCEL_BIAS,
+    X_DECLINATION,
+    X_GYRO_BIAS,
+    X_Q,
+    packed,
+)
 from server.nav.rotation import matrix_entries, quat_from_rotvec, quat_mul
 from server.nav.types import Float, Int
 
@@ -117,9 +130,7 @@ def _field_from_mean(x: Float, aux: Float) -> None:
     aux[A_FIELD_D] = R[6] * mx + R[7] * my + R[8] * mz
 
 
-@njit(
-    "void(float64[::1], float64[::1], float64, float64, float64, float64[::1], float64[::1], int64[::1])", cache=True
-)
+@njit("void(float64[::1], float64[::1], float64, float64, float64, float64[::1], float64[::1], int64[::1])", cache=True)
 def _set(x: Float, P: Float, ax: float, ay: float, az: float, par: Float, aux: Float, ctl: Int) -> None:
     """Set attitude and covariance from a mean specific force in m/s²; heading from the mean field if there is one."""
     roll, pitch = math.atan2(-ay, -az), math.atan2(ax, math.sqrt(ay * ay + az * az))
@@ -147,6 +158,9 @@ def _set(x: Float, P: Float, ax: float, ay: float, az: float, par: Float, aux: F
         P[packed(ATT + 1, ACCEL_BIAS + j)] = -R[j] / g * b2
         P[packed(VEL + j, VEL + j)] = 1.0
         P[packed(POS + j, POS + j)] = 1.0
+    x[X_DECLINATION] = 0.0
+    if ctl[C_HAS_FIELD]:  # otherwise the heading itself is magnetic, and D is zero by definition
+        P[packed(DECLINATION, DECLINATION)] = par[PAR_DECLINATION_SIGMA] ** 2
     ctl[C_MODE] = ATTITUDE
 
 

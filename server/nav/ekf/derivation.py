@@ -6,7 +6,7 @@ A = R_nb·dt [Solà 2017, eq. 268-269 with the attitude error taken in the local
     δθ ← δθ − A δb_g
     δv ← δv − [f]× δθ − A δb_a
     δp ← δp + dt δv
-    δb ← δb
+    δb ← δb,  δD ← δD
 
 F is mostly zeros and ones, so F P is formed row by row from the few entries that are neither, then (F P) Fᵀ only for
 the upper triangle. Earth and transport rate are in the nominal state; in F they would add 7e-5 rad/s × dt, which is
@@ -19,7 +19,7 @@ from __future__ import annotations
 from pathlib import Path
 from typing import Final
 
-from server.nav.ekf.states import ACCEL_BIAS, ATT, GYRO_BIAS, PACKED, POS, VEL, N
+from server.nav.ekf.states import ACCEL_BIAS, ATT, DECLINATION, GYRO_BIAS, PACKED, POS, VEL, N
 
 HEADER: Final = '''"""Straight-line covariance prediction of `ins_ekf`. Written by `derivation.py`; do not edit."""
 
@@ -35,9 +35,9 @@ def predict_covariance(P: Float, u: Float) -> None:
     """Set P ← F P Fᵀ + Q in place [`derivation.py`].
 
     Args:
-        P: shape (120,), packed upper triangle of the error covariance.
-        u: shape (18,): f NED (3) m/s, A = R_nb·dt row by row (9) s, dt s, variances added to each axis of
-            attitude rad², velocity m²/s², position m², gyro bias rad²/s², accelerometer bias m²/s⁴.
+        P: shape (136,), packed upper triangle of the error covariance.
+        u: shape (19,): f NED (3) m/s, A = R_nb·dt row by row (9) s, dt s, variances added to each axis of
+            attitude rad², velocity m²/s², position m², gyro bias rad²/s², accelerometer bias m²/s⁴, declination rad².
     """
 '''
 NOISE_OF_BLOCK: Final = {ATT: 13, VEL: 14, POS: 15, GYRO_BIAS: 16, ACCEL_BIAS: 17}
@@ -75,7 +75,7 @@ def body() -> list[str]:
     lines = ["f0, f1, f2 = u[0], u[1], u[2]"]
     lines += [f"a{i}0, a{i}1, a{i}2 = u[{3 + 3 * i}], u[{4 + 3 * i}], u[{5 + 3 * i}]" for i in range(3)]
     lines += ["dt = u[12]"]
-    lines += [f"{p(i, j)} = P[{k}]" for (i, j), k in index.items()]
+    lines += [f"{p(i, j)} = P[{k}]" for (i, j), k in index.items() if (i, j) != (DECLINATION, DECLINATION)]
     outputs = [(i, j) for i, j in index if rows[i] or rows[j]]
     wanted = {(i, j) for i, j in outputs} | {(i, c) for i, j in outputs for c in rows[j]}
     for i, j in sorted(wanted):
@@ -85,6 +85,7 @@ def body() -> list[str]:
         lines.append(f"P[{index[i, j]}] = {_sum(t(i, j), [(c, t(i, k)) for k, c in rows[j].items()])}")
     for block, noise in NOISE_OF_BLOCK.items():
         lines += [f"P[{index[block + axis, block + axis]}] += u[{noise}]" for axis in range(3)]
+    lines.append(f"P[{index[DECLINATION, DECLINATION]}] += u[18]")
     return lines
 
 

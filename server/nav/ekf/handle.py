@@ -99,7 +99,7 @@ def _wants_reset(h: Float, aux: Float, ctl: Int) -> bool:
         return False
     if not ctl[C_POSITIONED]:
         return bool(ctl[C_HAS_SITE]) and h[H_ACC] <= WORST_START_M
-    return ctl[C_REFUSED_RUN] >= REACCEPT_FIXES and (h[H_T] - aux[A_T_REFUSED]) * 1e-9 > REACCEPT_S
+    return bool(ctl[C_REFUSED_RUN] >= REACCEPT_FIXES and (h[H_T] - aux[A_T_REFUSED]) * 1e-9 > REACCEPT_S)
 
 
 @njit(
@@ -196,5 +196,3 @@ def handle(
         inject(x, work)
     if undecided:
         record(h[H_AID], h[H_STATUS], h[H_T], t_ns, work, ctl, aids, aid_t)
-
-

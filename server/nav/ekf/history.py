@@ -17,7 +17,11 @@ from server.nav.ekf.predict import predict
 from server.nav.types import Float, Int
 
 
-@njit("void(float64[::1], float64[::1], float64[::1], int64[::1], float64[:, ::1], float64[:, ::1], float64[:, ::1], int64[::1])", cache=True)
+@njit(
+    "void(float64[::1], float64[::1], float64[::1], int64[::1], float64[:, ::1], float64[:, ::1], float64[:, ::1],"
+    " int64[::1])",
+    cache=True,
+)
 def push(u: Float, x: Float, P: Float, ctl: Int, r_u: Float, r_x: Float, r_P: Float, r_n: Int) -> None:
     """Open a slot for the step whose end the state has just been predicted to."""
     slot = ctl[C_HEAD] % r_u.shape[0]
@@ -33,8 +37,8 @@ def push(u: Float, x: Float, P: Float, ctl: Int, r_u: Float, r_x: Float, r_P: Fl
 def find(t_ns: float, ctl: Int, r_u: Float) -> int:
     """Return the number of the slot whose end is nearest to t_ns, −1 when it lies before the history."""
     size = r_u.shape[0]
-    newest = ctl[C_HEAD] - 1
-    oldest = ctl[C_HEAD] - ctl[C_VALID]
+    newest = int(ctl[C_HEAD] - 1)
+    oldest = int(ctl[C_HEAD] - ctl[C_VALID])
     k = newest
     while k > oldest and r_u[k % size, U_T] > t_ns:
         k -= 1
@@ -52,7 +56,16 @@ def find(t_ns: float, ctl: Int, r_u: Float) -> int:
     cache=True,
 )
 def attach(
-    h: Float, dirty: int, t_ns: float, ctl: Int, work: Float, r_u: Float, r_m: Float, r_n: Int, aids: Float, aid_t: Float
+    h: Float,
+    dirty: int,
+    t_ns: float,
+    ctl: Int,
+    work: Float,
+    r_u: Float,
+    r_m: Float,
+    r_n: Int,
+    aids: Float,
+    aid_t: Float,
 ) -> int:
     """Put a measurement into its slot; return the earliest dirty slot, now that this one is there."""
     k = find(h[H_T], ctl, r_u)

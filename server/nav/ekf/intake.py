@@ -183,5 +183,3 @@ def take(
         if kind == BARO:
             h[H_DATA] = m[M_DATA + 1]
     return attach(h, dirty, t_ns, ctl, work, r_u, r_m, r_n, aids, aid_t)
-
-

@@ -63,7 +63,8 @@ PAR_BARO_DRIFT: Final = 17  # m/√s
 PAR_VEHICLE: Final = 18
 PAR_GRAVITY_NOISE: Final = 19  # m/s²
 PAR_USE: Final = 20  # bits: 1 GNSS, 2 baro, 4 magnetometer
-PAR_SIZE: Final = 21
+PAR_DECLINATION_WALK: Final = 21  # rad/√s
+PAR_SIZE: Final = 22
 
 # Memory that is not rolled back: integers …
 C_MODE: Final = 0  # LaneStatus
@@ -120,16 +121,16 @@ A_T_RATE: Final = 47  # last zero-rate update, ns
 A_SIZE: Final = 48
 
 # Scratch, so that nothing is allocated in a step.
-W_U: Final = 0  # (18) input of the covariance prediction
-W_H: Final = 18  # (15) one row of H
-W_PH: Final = 33  # (15) P Hᵀ
-W_DX: Final = 48  # (15) correction collected over one measurement
-W_OBS: Final = 63  # (3) record of the measurement just handled
-W_PRED: Final = 66
-W_INNOV: Final = 69
-W_VAR: Final = 72
-W_RATIO: Final = 75
-W_SIZE: Final = 76
+W_U: Final = 0  # (19) input of the covariance prediction
+W_H: Final = 19  # (16) one row of H
+W_PH: Final = 35  # (16) P Hᵀ
+W_DX: Final = 51  # (16) correction collected over one measurement
+W_OBS: Final = 67  # (3) record of the measurement just handled
+W_PRED: Final = 70
+W_INNOV: Final = 73
+W_VAR: Final = 76
+W_RATIO: Final = 79
+W_SIZE: Final = 80
 
 # Events the kernel reports: code, time ns, size, second size.
 E_ALIGNED: Final = 1  # heading sigma rad, tilt sigma rad
@@ -145,7 +146,6 @@ SLOT_MEASUREMENTS: Final = 16
 """Measurements one history slot can hold; more at the same step are refused as stale and counted."""
 
 HANDLER: Final = (
-    "void(float64[::1], float64[::1], float64[::1], float64[::1], float64[::1], float64[::1], int64[::1],"
-    " float64[::1])"
+    "void(float64[::1], float64[::1], float64[::1], float64[::1], float64[::1], float64[::1], int64[::1], float64[::1])"
 )
 """Signature of everything that handles one measurement: (h, x, P, u, par, aux, ctl, work)."""

@@ -15,6 +15,7 @@ from server.nav.ekf.layout import (
     C_POSITIONED,
     PAR_ACCEL_NOISE,
     PAR_ACCEL_WALK,
+    PAR_DECLINATION_WALK,
     PAR_GYRO_NOISE,
     PAR_GYRO_WALK,
     U_DT,
@@ -79,10 +80,13 @@ def _predict_errors(
     row[15] = 0.0
     row[16] = par[PAR_GYRO_WALK] ** 2 * dt
     row[17] = par[PAR_ACCEL_WALK] ** 2 * dt
+    row[18] = par[PAR_DECLINATION_WALK] ** 2 * dt
     predict_covariance(P, row)
 
 
-@njit("void(float64[::1], float64[::1], float64[::1], float64[::1], float64[::1], int64[::1], float64[::1])", cache=True)
+@njit(
+    "void(float64[::1], float64[::1], float64[::1], float64[::1], float64[::1], int64[::1], float64[::1])", cache=True
+)
 def predict(x: Float, P: Float, u: Float, par: Float, aux: Float, ctl: Int, work: Float) -> None:
     """Advance state and covariance in place by one step [Solà 2017, eq. 260 and 268, attitude error in NED].
 
@@ -129,4 +133,4 @@ def predict(x: Float, P: Float, u: Float, par: Float, aux: Float, ctl: Int, work
         x[X_VEL + 2] += fn[2] + (g - (w[0] * ve - w[1] * vn)) * dt
         half = 0.5 * dt
         move_position(x, half * (vn + x[X_VEL]), half * (ve + x[X_VEL + 1]), half * (vd + x[X_VEL + 2]))
-    _predict_errors(P, R, fn, u, par, work[W_U : W_U + 18])
+    _predict_errors(P, R, fn, u, par, work[W_U : W_U + 19])

@@ -8,7 +8,21 @@ from numba import njit
 
 from server.nav.ekf.layout import W_DX, W_H, W_PH
 from server.nav.ekf.predict import move_position
-from server.nav.ekf.states import ACCEL_BIAS, ATT, GYRO_BIAS, POS, VEL, X_ACCEL_BIAS, X_GYRO_BIAS, X_Q, X_VEL, N, packed
+from server.nav.ekf.states import (
+    ACCEL_BIAS,
+    ATT,
+    DECLINATION,
+    GYRO_BIAS,
+    POS,
+    VEL,
+    X_ACCEL_BIAS,
+    X_DECLINATION,
+    X_GYRO_BIAS,
+    X_Q,
+    X_VEL,
+    N,
+    packed,
+)
 from server.nav.rotation import quat_from_rotvec, quat_mul
 from server.nav.types import Float
 
@@ -60,8 +74,7 @@ def fuse(P: Float, work: Float, innovation: float, variance: float) -> None:
             k += 1
     for i in range(N):
         d = packed(i, i)
-        if P[d] < MIN_VARIANCE:
-            P[d] = MIN_VARIANCE
+        P[d] = max(P[d], MIN_VARIANCE)
 
 
 @njit("void(float64[::1], float64[::1])", cache=True)
@@ -77,6 +90,7 @@ def inject(x: Float, work: Float) -> None:
         x[X_VEL + i] += d[VEL + i]
         x[X_GYRO_BIAS + i] += d[GYRO_BIAS + i]
         x[X_ACCEL_BIAS + i] += d[ACCEL_BIAS + i]
+    x[X_DECLINATION] += d[DECLINATION]
     move_position(x, d[POS], d[POS + 1], d[POS + 2])
     for i in range(N):
         d[i] = 0.0

@@ -11,7 +11,7 @@ from server.nav.ekf import defaults
 from server.nav.ekf import layout as at
 from server.nav.ekf.align import turn_about_down
 from server.nav.ekf.run import run
-from server.nav.ekf.states import PACKED, X_POS, X_Q, X_SIZE
+from server.nav.ekf.states import DECLINATION, PACKED, X_POS, X_Q, X_SIZE, packed
 from server.nav.lanes.base import LaneResult
 from server.nav.types import (
     AID_COLUMNS,
@@ -84,6 +84,7 @@ def parameters(settings: EngineSettings, delays_s: tuple[float, float, float, fl
     par[at.PAR_GATE] = defaults.GATE_SIGMA
     par[at.PAR_MAG_NOISE] = noise.mag_noise_gauss
     par[at.PAR_DECLINATION_SIGMA] = noise.declination_sigma_rad
+    par[at.PAR_DECLINATION_WALK] = defaults.DECLINATION_WALK_RAD_RTS
     par[at.PAR_BARO_NOISE] = noise.baro_noise_m
     par[at.PAR_GNSS_CORRELATION] = defaults.GNSS_CORRELATION
     par[at.PAR_LEVER : at.PAR_LEVER + 3] = settings.lever_arm_b_m
@@ -145,11 +146,15 @@ class InsEkf:
             north, east, down = site.field_n_gauss
             aux[at.A_DECLINATION], aux[at.A_FIELD_D] = site.declination_rad, down
             aux[at.A_FIELD_H], ctl[at.C_HAS_FIELD] = math.hypot(north, east), 1
+            self._P[packed(DECLINATION, DECLINATION)] = self._par[at.PAR_DECLINATION_SIGMA] ** 2
             if ctl[at.C_MODE] != LaneStatus.ALIGNING and ctl[at.C_HAS_HEADING]:
                 turn_about_down(self._x, site.declination_rad)
-                self._pending.append(self._event(at.E_YAW_RESET, self._r_u[self._newest(), 0], site.declination_rad, 0.0))
+                self._pending.append(
+                    self._event(at.E_YAW_RESET, self._r_u[self._newest(), 0], site.declination_rad, 0.0)
+                )
         if ctl[at.C_VALID] > 0:  # what is older was held in the other frame and cannot be re-run
-            self._r_x[self._newest()], ctl[at.C_VALID] = self._x, 1
+            self._r_x[self._newest()], self._r_P[self._newest()] = self._x, self._P
+            ctl[at.C_VALID] = 1
 
     def _newest(self) -> int:
         return int(self._ctl[at.C_HEAD] - 1) % len(self._r_u)

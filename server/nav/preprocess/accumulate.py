@@ -1,6 +1,6 @@
 """Samples in order of arrival → navigation steps and checked measurements, compiled, cut anywhere.
 
-The IMU is averaged into steps by time, not by count (S0 §3.1.3, eq. 3.2, does it by count): between two samples rate and
+The IMU is averaged into steps by time, not by count (S0 eq. 3.2 does it by count): between two samples rate and
 specific force are taken as linear (trapezoid), the rotation is composed sample by sample, and each velocity
 increment is rotated into the frame at the start of the step, which keeps coning and sculling [Savage 1998, part 1 §3
 and part 2 §3, evaluated directly instead of by correction terms].
@@ -11,34 +11,22 @@ from __future__ import annotations
 import math
 from typing import Final
 
-import numpy as np
 from numba import njit
 
 from server.nav.codes import (
+    BARO,
     DMP,
     FUSED,
     GNSS,
     IMU,
     MAG,
-    BARO,
     ONBOARD,
-    REFUSED_DISTURBED,
-    REFUSED_NO_FIX,
     REFUSED_ORDER,
-    REFUSED_RANGE,
     REFUSED_REPEATED,
-)
-from server.nav.constants import (
-    EARTH_FIELD_MAX_GAUSS,
-    EARTH_FIELD_MIN_GAUSS,
-    ISA_EXPONENT,
-    ISA_HEIGHT_M,
-    ISA_PRESSURE_PA,
 )
 from server.nav.ekf.layout import (
     M_DATA,
     M_KIND,
-    M_SIZE,
     M_STATUS,
     M_STEP,
     M_T,
@@ -51,107 +39,39 @@ from server.nav.ekf.layout import (
     U_GAP_S,
     U_GYRO,
     U_GYRO_MEAN,
-    U_SIZE,
     U_T,
     U_TEMPERATURE,
     U_VIBRATION,
 )
+from server.nav.preprocess.check import check_baro, check_gnss, check_imu, check_mag
+from server.nav.preprocess.memory import (
+    N_GAPS,
+    N_ORDER,
+    N_REPEATED,
+    N_SAMPLES,
+    S_ACCEL,
+    S_ACCEL_SUM,
+    S_CELL,
+    S_COUNT,
+    S_DVEL,
+    S_GAP,
+    S_GYRO,
+    S_GYRO_SUM,
+    S_Q,
+    S_RATE,
+    S_SLOW,
+    S_T_KIND,
+    S_T_LAST,
+    S_T_START,
+    S_TEMPERATURE,
+    S_VIBRATION2,
+)
 from server.nav.rotation import matrix_entries, quat_from_rotvec, quat_mul, rotvec_from_quat
 from server.nav.types import ROW_WIDTH, Byte, Float, Int
 
-# Counters (int64), one table per sensor kind: samples, repeated, and refusals by reason.
-N_SAMPLES: Final = 0
-N_REPEATED: Final = 1
-N_RANGE: Final = 2
-N_ORDER: Final = 3
-N_STUCK: Final = 4
-N_GAPS: Final = 5
-N_FIELD: Final = 6
-N_NO_FIX: Final = 7
-N_COUNTERS: Final = 8
-KINDS: Final = 11
-
-# Float state.
-S_T_LAST: Final = 0  # previous IMU stamp, ns; −1 before the first
-S_T_START: Final = 1  # start of the open step, ns
-S_CELL: Final = 2  # number of the open step on the time grid
-S_Q: Final = 3  # (4) rotation since the start of the step
-S_DVEL: Final = 7  # (3)
-S_GYRO: Final = 10  # (3) previous sample
-S_ACCEL: Final = 13  # (3)
-S_GYRO_SUM: Final = 16  # (3)
-S_ACCEL_SUM: Final = 19  # (3)
-S_COUNT: Final = 22
-S_GAP: Final = 23
-S_SLOW: Final = 24  # (3) low-passed specific force
-S_VIBRATION2: Final = 27
-S_TEMPERATURE: Final = 28
-S_SAME: Final = 29  # seconds of bit-identical IMU samples
-S_LIVELY: Final = 30  # samples seen that differ from the one before
-S_MAG_SCALE: Final = 31  # 0 = not yet found
-S_MAG_BAD: Final = 32  # samples in a row that the scale does not explain
-S_INTERVAL: Final = 33  # mean IMU interval, s
-S_T_KIND: Final = 34  # (11) last stamp of each kind, ns; −1 before the first
-S_RATE: Final = 45  # (11) mean interval of each kind, s
-S_SIZE: Final = 56
-
-GYRO_LIMIT_RAD_S: Final = 80.0  # 4,500 °/s: past every MEMS gyro's full scale
-ACCEL_LIMIT_M_S2: Final = 640.0  # 65 g: past every MEMS accelerometer's full scale
-STUCK_S: Final = 0.5
 BRIDGE_S: Final = 0.1
 """A hole between IMU samples longer than this is reported; the step that holds it carries its length."""
 VIBRATION_CUTOFF_RAD_S: Final = 2.0 * math.pi * 5.0  # autopilots high-pass the vibration measure at 5 Hz
-
-
-@njit("float64(float64)", cache=True)
-def height_from_pressure(pressure_pa: float) -> float:
-    """Return the height in m of a pressure in the standard atmosphere [S0 eq. 3.27]."""
-    return ISA_HEIGHT_M * (1.0 - (pressure_pa / ISA_PRESSURE_PA) ** ISA_EXPONENT)
-
-
-@njit("float64(float64)", cache=True)
-def decade_scale(norm: float) -> float:
-    """Return the power of ten that brings a field's norm into [0.15, 1.5) gauss; 0 for a norm of 0.
-
-    The Earth's field spans 0.2 to 0.7 gauss, less than a decade, so a wrong unit (milligauss, microtesla, nanotesla,
-    milligauss × 1000) is recognised without knowing the place.
-    """
-    if norm <= 0.0:
-        return 0.0
-    return 10.0 ** -math.floor(math.log10(norm / 0.15))
-
-
-@njit("boolean(float64[::1], int64)", cache=True)
-def _finite(row: Float, n: int) -> bool:
-    for i in range(n):
-        if not math.isfinite(row[i]):
-            return False
-    return True
-
-
-@njit("int64(float64[::1], float64, float64[::1], int64[:, ::1])", cache=True)
-def _check_imu(row: Float, t: float, s: Float, n: Int) -> int:
-    """Return 1 when the sample may be used; count why not otherwise."""
-    counters = n[IMU]
-    ok = _finite(row, 6)
-    for i in range(3):
-        ok = ok and abs(row[i]) < GYRO_LIMIT_RAD_S and abs(row[3 + i]) < ACCEL_LIMIT_M_S2
-    if not ok:
-        counters[N_RANGE] += 1
-        return 0
-    if t <= s[S_T_LAST]:
-        counters[N_REPEATED if t == s[S_T_LAST] else N_ORDER] += 1
-        return 0
-    same = s[S_T_LAST] >= 0.0
-    for i in range(6):
-        same = same and row[i] == s[S_GYRO + i]
-    s[S_SAME] = s[S_SAME] + (t - s[S_T_LAST]) * 1e-9 if same else 0.0
-    s[S_LIVELY] += 0.0 if same else 1.0
-    if s[S_SAME] > STUCK_S and s[S_LIVELY] > 100.0:  # a sensor that never had noise is a simulation, not stuck
-        counters[N_STUCK] += 1
-        return 0
-    counters[N_SAMPLES] += 1
-    return 1
 
 
 @njit("void(float64[::1], float64, float64[::1])", cache=True)
@@ -201,7 +121,7 @@ def _close_step(t: float, s: Float, out: Float) -> None:
 @njit("boolean(float64[::1], float64, float64, float64[::1], int64[:, ::1], float64[::1])", cache=True)
 def _take_imu(row: Float, t: float, rate_hz: float, s: Float, n: Int, out: Float) -> bool:
     """Add an IMU sample; return True when it closed a step into `out`."""
-    if not _check_imu(row, t, s, n):
+    if not check_imu(row, t, s, n):
         return False
     first = s[S_T_LAST] < 0.0
     if first:
@@ -230,51 +150,6 @@ def _take_imu(row: Float, t: float, rate_hz: float, s: Float, n: Int, out: Float
     return True
 
 
-@njit("int64(float64[::1], float64[::1], int64[::1])", cache=True)
-def _check_mag(row: Float, s: Float, counters: Int) -> int:
-    """Scale the field to gauss in place; return its AidStatus."""
-    if not _finite(row, 3):
-        counters[N_RANGE] += 1
-        return REFUSED_RANGE
-    norm = math.sqrt(row[0] ** 2 + row[1] ** 2 + row[2] ** 2)
-    if s[S_MAG_SCALE] == 0.0 or s[S_MAG_BAD] >= 20.0:
-        s[S_MAG_SCALE], s[S_MAG_BAD] = decade_scale(norm), 0.0
-    for i in range(3):
-        row[i] *= s[S_MAG_SCALE]
-    norm *= s[S_MAG_SCALE]
-    s[S_MAG_BAD] = 0.0 if 0.15 <= norm < 1.5 else s[S_MAG_BAD] + 1.0
-    if EARTH_FIELD_MIN_GAUSS <= norm <= EARTH_FIELD_MAX_GAUSS:
-        return FUSED
-    counters[N_FIELD] += 1
-    return REFUSED_DISTURBED
-
-
-@njit("int64(float64[::1], int64[::1])", cache=True)
-def _check_gnss(row: Float, counters: Int) -> int:
-    """Return the AidStatus of a GNSS row; an unknown fix type counts as three-dimensional."""
-    if row[9] < 3.0 or (math.isnan(row[0]) and math.isnan(row[3])):
-        counters[N_NO_FIX] += 1
-        return REFUSED_NO_FIX
-    bad = abs(row[0]) > 90.0 or abs(row[1]) > 360.0 or abs(row[2]) > 1e5 or (row[0] == 0.0 and row[1] == 0.0)
-    for i in range(3, 6):
-        bad = bad or abs(row[i]) > 1e3 or math.isinf(row[i])
-    if bad or math.isinf(row[0]) or math.isinf(row[1]) or math.isinf(row[2]):
-        counters[N_RANGE] += 1
-        return REFUSED_RANGE
-    return FUSED
-
-
-@njit("int64(float64[::1], int64[::1])", cache=True)
-def _check_baro(row: Float, counters: Int) -> int:
-    """Make column 1 the height in m; return the AidStatus."""
-    if not math.isfinite(row[1]) and 1e3 < row[0] < 1.2e5:
-        row[1] = height_from_pressure(row[0])
-    if not math.isfinite(row[1]) or abs(row[1]) > 4e4:
-        counters[N_RANGE] += 1
-        return REFUSED_RANGE
-    return FUSED
-
-
 @njit("void(int64, float64, float64[::1], int64[:, ::1], float64[::1])", cache=True)
 def _take_aid(kind: int, t: float, s: Float, n: Int, out: Float) -> None:
     """Check one measurement whose row is already copied into out[M_DATA:]."""
@@ -282,11 +157,11 @@ def _take_aid(kind: int, t: float, s: Float, n: Int, out: Float) -> None:
     counters = n[kind]
     status = FUSED
     if kind == MAG:
-        status = _check_mag(row, s, counters)
+        status = check_mag(row, s, counters)
     elif kind == GNSS:
-        status = _check_gnss(row, counters)
+        status = check_gnss(row, counters)
     elif kind == BARO:
-        status = _check_baro(row, counters)
+        status = check_baro(row, counters)
     if t <= s[S_T_KIND + kind] and kind != ONBOARD:
         repeated = t == s[S_T_KIND + kind]
         counters[N_REPEATED if repeated else N_ORDER] += 1
@@ -330,9 +205,7 @@ def accumulate(
                 n_steps += 1
             if s[S_T_KIND + IMU] >= 0.0 and t > s[S_T_KIND + IMU]:
                 interval = (t - s[S_T_KIND + IMU]) * 1e-9
-                s[S_RATE + IMU] += (0.01 if s[S_RATE + IMU] > 0.0 else 1.0) * (
-                    interval - s[S_RATE + IMU]
-                )
+                s[S_RATE + IMU] += (0.01 if s[S_RATE + IMU] > 0.0 else 1.0) * (interval - s[S_RATE + IMU])
             s[S_T_KIND + IMU] = max(t, s[S_T_KIND + IMU])
         elif MAG <= kind[i] <= DMP:
             for j in range(ROW_WIDTH):
@@ -341,16 +214,3 @@ def accumulate(
             meas[n_meas, M_STEP] = n_steps
             n_meas += 1
     return n_steps, n_meas
-
-
-def new_memory() -> tuple[Float, Int]:
-    """Return (s, n) as before the first sample."""
-    s = np.zeros(S_SIZE)
-    s[S_T_LAST] = -1.0
-    s[S_Q] = 1.0
-    s[S_TEMPERATURE] = np.nan
-    s[S_T_KIND : S_T_KIND + KINDS] = -1.0
-    return s, np.zeros((KINDS, N_COUNTERS), dtype=np.int64)
-
-
-__all__ = ["M_SIZE", "U_SIZE", "accumulate", "height_from_pressure", "new_memory"]

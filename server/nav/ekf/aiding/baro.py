@@ -9,7 +9,6 @@ from numba import njit
 from server.nav.codes import FUSED, REFUSED_GATE
 from server.nav.ekf.aiding.gnss import tracked_ratio
 from server.nav.ekf.layout import (
-    HANDLER,
     A_BARO_OFFSET,
     A_BARO_OFFSET_VAR,
     A_K_BARO,
@@ -19,6 +18,7 @@ from server.nav.ekf.layout import (
     H_STATUS,
     H_T,
     H_VAR,
+    HANDLER,
     PAR_BARO_DRIFT,
     PAR_BARO_NOISE,
     PAR_GATE,

@@ -14,7 +14,6 @@ from numba import njit
 from server.nav.codes import FUSED, REFUSED_GATE
 from server.nav.earth import curvature_radii, ned_from_lla
 from server.nav.ekf.layout import (
-    HANDLER,
     A_BARO_OFFSET,
     A_BARO_OFFSET_VAR,
     A_GNSS_INTERVAL,
@@ -30,6 +29,7 @@ from server.nav.ekf.layout import (
     H_STATUS,
     H_T,
     H_VAR,
+    HANDLER,
     PAR_GATE,
     PAR_GNSS_CORRELATION,
     PAR_LEVER,
@@ -52,7 +52,7 @@ from server.nav.types import Float, Int
 
 LEARN: Final = 0.05
 """Weight of one fix in the tracked ratio: a memory of 20 fixes, 4 s at 5 Hz."""
-K_MIN: Final = 4e-4
+K_MIN: Final = 0.01
 K_MAX: Final = 400.0
 POSITION_FLOOR_M: Final = 0.01  # resolution of 1e-7 degrees
 VELOCITY_FLOOR_M_S: Final = 0.01  # resolution of centimetres a second

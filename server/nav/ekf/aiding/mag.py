@@ -1,4 +1,4 @@
-"""Magnetic field: its horizontal part across magnetic north corrects the heading, and nothing but the heading direction.
+"""Magnetic field: its horizontal part across magnetic north corrects the heading.
 
 The measured field is turned into NED with the present attitude; what lies across the model's horizontal direction is
 the innovation. Strength and the component along north are not fused: iron and a wrong scale show there first.
@@ -13,7 +13,6 @@ from numba import njit
 
 from server.nav.codes import FUSED, REFUSED_DISTURBED, REFUSED_GATE
 from server.nav.ekf.layout import (
-    HANDLER,
     A_DECLINATION,
     A_FIELD_D,
     A_FIELD_H,
@@ -22,7 +21,7 @@ from server.nav.ekf.layout import (
     H_STATUS,
     H_T,
     H_VAR,
-    PAR_DECLINATION_SIGMA,
+    HANDLER,
     PAR_GATE,
     PAR_MAG_NOISE,
     U_GYRO,
@@ -35,7 +34,7 @@ from server.nav.ekf.layout import (
     W_RATIO,
     W_VAR,
 )
-from server.nav.ekf.states import ATT, X_GYRO_BIAS, X_Q
+from server.nav.ekf.states import ATT, DECLINATION, X_DECLINATION, X_GYRO_BIAS, X_Q
 from server.nav.ekf.update import clear_row, correction_seen, fuse, project
 from server.nav.rotation import matrix_entries
 from server.nav.types import Float, Int
@@ -65,10 +64,11 @@ def field_in_ned(h: Float, x: Float, u: Float) -> tuple[float, float, float]:
 def heading(h: Float, x: Float, P: Float, u: Float, par: Float, aux: Float, ctl: Int, work: Float) -> None:
     """Handle a magnetic field in the body, gauss; decide at first use, then correct.
 
-    With z = R_nb m_b, the model m_n = (Bh cos D, Bh sin D, Bz) and e across magnetic north, z·e = δθ·(e × m_n).
+    With z = R_nb m_b, the model m_n = (Bh cos D, Bh sin D, Bz) and e across magnetic north, z·e = δθ·(e × m_n) + Bh δD.
     """
     z = field_in_ned(h, x, u)
-    cd, sd = math.cos(aux[A_DECLINATION]), math.sin(aux[A_DECLINATION])
+    declination = aux[A_DECLINATION] + x[X_DECLINATION]
+    cd, sd = math.cos(declination), math.sin(declination)
     Bh, Bz = aux[A_FIELD_H], aux[A_FIELD_D]
     work[W_PRED], work[W_PRED + 1], work[W_PRED + 2] = Bh * cd, Bh * sd, Bz
     for i in range(3):
@@ -77,8 +77,9 @@ def heading(h: Float, x: Float, P: Float, u: Float, par: Float, aux: Float, ctl:
     across = -sd * z[0] + cd * z[1]
     clear_row(work)
     work[W_H + ATT], work[W_H + ATT + 1], work[W_H + ATT + 2] = cd * Bz, sd * Bz, -Bh
+    work[W_H + DECLINATION] = Bh
     if h[H_STATUS] == UNDECIDED:
-        h[H_VAR] = par[PAR_MAG_NOISE] ** 2 + (Bh * par[PAR_DECLINATION_SIGMA]) ** 2
+        h[H_VAR] = par[PAR_MAG_NOISE] ** 2
         total = project(P, work) + h[H_VAR]
         work[W_VAR] = work[W_VAR + 1] = work[W_VAR + 2] = total
         work[W_RATIO] = across**2 / (par[PAR_GATE] ** 2 * total)

@@ -9,9 +9,9 @@ from numba import njit
 
 from server.nav.codes import FUSED
 from server.nav.ekf.layout import (
-    HANDLER,
     H_STATUS,
     H_VAR,
+    HANDLER,
     PAR_GRAVITY_NOISE,
     U_ACCEL_MEAN,
     U_GYRO_MEAN,

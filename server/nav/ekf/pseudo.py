@@ -1,0 +1,88 @@
+"""When the board is still or has no GNSS: which pseudo-measurements are due."""
+
+from __future__ import annotations
+
+import math
+from typing import Final
+
+from numba import njit
+
+from server.nav.codes import GRAVITY, ZERO_RATE, ZERO_VELOCITY
+from server.nav.ekf.align import rest
+from server.nav.ekf.history import attach
+from server.nav.ekf.layout import (
+    A_SPEED_GNSS,
+    A_T_GNSS_SEEN,
+    A_T_GRAVITY,
+    A_T_RATE,
+    A_T_STILL,
+    C_POSITIONED,
+    C_STILL_STEPS,
+    H_AID,
+    H_SIZE,
+    H_STATUS,
+    H_T,
+    U_DT,
+    U_T,
+    UNDECIDED,
+)
+from server.nav.ekf.predict import gravity_here
+from server.nav.ekf.states import X_VEL
+from server.nav.types import Float, Int
+
+PSEUDO_INTERVAL_NS: Final = 1e8  # ten a second: the board's sway is correlated for about that long
+REST_BEFORE_ZERO_S: Final = 1.0
+STILL_SPEED_M_S: Final = 0.15
+
+
+@njit("void(float64[::1], float64[::1], float64)", cache=True)
+def _pseudo(h: Float, u: Float, aid: float) -> None:
+    for i in range(H_SIZE):
+        h[i] = 0.0
+    h[H_AID], h[H_T], h[H_STATUS] = aid, u[U_T], UNDECIDED
+
+
+@njit(
+    "int64(float64[::1], int64, float64[::1], float64[::1], int64[::1], float64[::1], float64[:, ::1],"
+    " float64[:, :, ::1], int64[::1], float64[:, ::1], float64[::1], float64[::1], float64[::1])",
+    cache=True,
+)
+def pseudo_measurements(
+    u: Float,
+    dirty: int,
+    x: Float,
+    aux: Float,
+    ctl: Int,
+    work: Float,
+    r_u: Float,
+    r_m: Float,
+    r_n: Int,
+    aids: Float,
+    aid_t: Float,
+    h: Float,
+    par: Float,
+) -> int:
+    """Attach zero velocity and zero rate at rest, gravity without GNSS; return the earliest dirty slot.
+
+    A vehicle that flies or drives smoothly looks still to its IMU, so rest needs a second witness while one is there:
+    the receiver's speed, or without receiver a velocity that the filter itself holds for zero.
+    """
+    t = u[U_T]
+    rest(u, aux, ctl, gravity_here(x, aux, ctl))
+    if not ctl[C_POSITIONED] and t - aux[A_T_GRAVITY] >= PSEUDO_INTERVAL_NS:
+        aux[A_T_GRAVITY] = t
+        _pseudo(h, u, GRAVITY)
+        dirty = attach(h, dirty, t, ctl, work, r_u, r_m, r_n, aids, aid_t)
+    if ctl[C_STILL_STEPS] * u[U_DT] < REST_BEFORE_ZERO_S or t - aux[A_T_RATE] < PSEUDO_INTERVAL_NS:
+        return dirty
+    fresh = aux[A_T_GNSS_SEEN] >= 0.0 and t - aux[A_T_GNSS_SEEN] < 2e9
+    if ctl[C_POSITIONED]:
+        speed = math.sqrt(x[X_VEL] ** 2 + x[X_VEL + 1] ** 2 + x[X_VEL + 2] ** 2)
+        if speed > STILL_SPEED_M_S or (fresh and aux[A_SPEED_GNSS] > STILL_SPEED_M_S):
+            return dirty
+        aux[A_T_STILL] = t
+        _pseudo(h, u, ZERO_VELOCITY)
+        dirty = attach(h, dirty, t, ctl, work, r_u, r_m, r_n, aids, aid_t)
+    aux[A_T_RATE] = t
+    _pseudo(h, u, ZERO_RATE)
+    return attach(h, dirty, t, ctl, work, r_u, r_m, r_n, aids, aid_t)

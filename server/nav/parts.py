@@ -1,0 +1,38 @@
+"""Pieces of one engine call and how they are joined."""
+
+from __future__ import annotations
+
+import numpy as np
+
+from server.nav.lanes.base import LaneResult
+from server.nav.types import AID_COLUMNS, STEP_COLUMNS, AidRows, Event, LaneRows
+
+
+class Part:
+    """What one uninterrupted run of samples gave."""
+
+    def __init__(self) -> None:
+        self.t_ns = np.empty(0, dtype=np.int64)
+        self.filtered = np.empty((0, len(STEP_COLUMNS)))
+        self.results: list[LaneResult] = []
+        self.events: list[Event] = []
+
+
+def join(rows: list[LaneRows]) -> LaneRows | None:
+    """Return the rows of one lane as one table."""
+    if len(rows) <= 1:
+        return rows[0] if rows else None
+    return LaneRows(
+        lane=rows[0].lane,
+        t_ns=np.concatenate([r.t_ns for r in rows]),
+        data=np.concatenate([r.data for r in rows]),
+    )
+
+
+def join_aids(rows: list[AidRows]) -> AidRows:
+    """Return the records of one call as one table."""
+    if len(rows) == 1:
+        return rows[0]
+    if not rows:
+        return AidRows(t_ns=np.empty(0, dtype=np.int64), data=np.empty((0, len(AID_COLUMNS))))
+    return AidRows(t_ns=np.concatenate([r.t_ns for r in rows]), data=np.concatenate([r.data for r in rows]))

@@ -1,0 +1,139 @@
+"""Is a sample believable? Finite, in range, in order, not stuck, in a known unit; the reason is counted."""
+
+from __future__ import annotations
+
+import math
+from typing import Final
+
+from numba import njit
+
+from server.nav.codes import (
+    FUSED,
+    IMU,
+    REFUSED_DISTURBED,
+    REFUSED_NO_FIX,
+    REFUSED_RANGE,
+)
+from server.nav.constants import (
+    EARTH_FIELD_MAX_GAUSS,
+    EARTH_FIELD_MIN_GAUSS,
+    ISA_EXPONENT,
+    ISA_HEIGHT_M,
+    ISA_PRESSURE_PA,
+)
+from server.nav.preprocess.memory import (
+    N_FIELD,
+    N_NO_FIX,
+    N_ORDER,
+    N_RANGE,
+    N_REPEATED,
+    N_SAMPLES,
+    N_STUCK,
+    S_GYRO,
+    S_LIVELY,
+    S_MAG_BAD,
+    S_MAG_SCALE,
+    S_SAME,
+    S_T_LAST,
+)
+from server.nav.types import Float, Int
+
+GYRO_LIMIT_RAD_S: Final = 80.0  # 4,500 °/s: past every MEMS gyro's full scale
+ACCEL_LIMIT_M_S2: Final = 640.0  # 65 g: past every MEMS accelerometer's full scale
+STUCK_S: Final = 0.5
+
+
+@njit("float64(float64)", cache=True)
+def height_from_pressure(pressure_pa: float) -> float:
+    """Return the height in m of a pressure in the standard atmosphere [S0 eq. 3.27]."""
+    return float(ISA_HEIGHT_M * (1.0 - (pressure_pa / ISA_PRESSURE_PA) ** ISA_EXPONENT))
+
+
+@njit("float64(float64)", cache=True)
+def decade_scale(norm: float) -> float:
+    """Return the power of ten that brings a field's norm into [0.15, 1.5) gauss; 0 for a norm of 0.
+
+    The Earth's field spans 0.2 to 0.7 gauss, less than a decade, so a wrong unit (milligauss, microtesla, nanotesla,
+    milligauss × 1000) is recognised without knowing the place.
+    """
+    if norm <= 0.0:
+        return 0.0
+    return float(10.0 ** -math.floor(math.log10(norm / 0.15)))
+
+
+@njit("boolean(float64[::1], int64)", cache=True)
+def _finite(row: Float, n: int) -> bool:
+    for i in range(n):
+        if not math.isfinite(row[i]):
+            return False
+    return True
+
+
+@njit("int64(float64[::1], float64, float64[::1], int64[:, ::1])", cache=True)
+def check_imu(row: Float, t: float, s: Float, n: Int) -> int:
+    """Return 1 when the sample may be used; count why not otherwise."""
+    counters = n[IMU]
+    ok = _finite(row, 6)
+    for i in range(3):
+        ok = ok and abs(row[i]) < GYRO_LIMIT_RAD_S and abs(row[3 + i]) < ACCEL_LIMIT_M_S2
+    if not ok:
+        counters[N_RANGE] += 1
+        return 0
+    if t <= s[S_T_LAST]:
+        counters[N_REPEATED if t == s[S_T_LAST] else N_ORDER] += 1
+        return 0
+    same = s[S_T_LAST] >= 0.0
+    for i in range(6):
+        same = same and row[i] == s[S_GYRO + i]
+    s[S_SAME] = s[S_SAME] + (t - s[S_T_LAST]) * 1e-9 if same else 0.0
+    s[S_LIVELY] += 0.0 if same else 1.0
+    if s[S_SAME] > STUCK_S and s[S_LIVELY] > 100.0:  # a sensor that never had noise is a simulation, not stuck
+        counters[N_STUCK] += 1
+        return 0
+    counters[N_SAMPLES] += 1
+    return 1
+
+
+@njit("int64(float64[::1], float64[::1], int64[::1])", cache=True)
+def check_mag(row: Float, s: Float, counters: Int) -> int:
+    """Scale the field to gauss in place; return its AidStatus."""
+    if not _finite(row, 3):
+        counters[N_RANGE] += 1
+        return REFUSED_RANGE
+    norm = math.sqrt(row[0] ** 2 + row[1] ** 2 + row[2] ** 2)
+    if s[S_MAG_SCALE] == 0.0 or s[S_MAG_BAD] >= 20.0:
+        s[S_MAG_SCALE], s[S_MAG_BAD] = decade_scale(norm), 0.0
+    for i in range(3):
+        row[i] *= s[S_MAG_SCALE]
+    norm *= s[S_MAG_SCALE]
+    s[S_MAG_BAD] = 0.0 if 0.15 <= norm < 1.5 else s[S_MAG_BAD] + 1.0
+    if EARTH_FIELD_MIN_GAUSS <= norm <= EARTH_FIELD_MAX_GAUSS:
+        return FUSED
+    counters[N_FIELD] += 1
+    return REFUSED_DISTURBED
+
+
+@njit("int64(float64[::1], int64[::1])", cache=True)
+def check_gnss(row: Float, counters: Int) -> int:
+    """Return the AidStatus of a GNSS row; an unknown fix type counts as three-dimensional."""
+    if row[9] < 3.0 or (math.isnan(row[0]) and math.isnan(row[3])):
+        counters[N_NO_FIX] += 1
+        return REFUSED_NO_FIX
+    bad = abs(row[0]) > 90.0 or abs(row[1]) > 360.0 or abs(row[2]) > 1e5 or (row[0] == 0.0 and row[1] == 0.0)
+    for i in range(3, 6):
+        bad = bad or abs(row[i]) > 1e3 or math.isinf(row[i])
+    if bad or math.isinf(row[0]) or math.isinf(row[1]) or math.isinf(row[2]):
+        counters[N_RANGE] += 1
+        return REFUSED_RANGE
+    return FUSED
+
+
+@njit("int64(float64[::1], int64[::1])", cache=True)
+def check_baro(row: Float, counters: Int) -> int:
+    """Make column 1 the height in m; return the AidStatus."""
+    if not math.isfinite(row[1]) and 1e3 < row[0] < 1.2e5:
+        row[1] = height_from_pressure(row[0])
+    if not math.isfinite(row[1]) or abs(row[1]) > 4e4:
+        counters[N_RANGE] += 1
+        return REFUSED_RANGE
+    return FUSED
