@@ -38,7 +38,7 @@ def sensor_health(s: Float, n: Int, t0_ns: int) -> tuple[SensorHealth, ...]:
         refused = tuple((reason, int(counters[i])) for reason, i in REASONS if counters[i])
         interval_s = float(s[acc.S_RATE + kind])
         scale = float(s[acc.S_MAG_SCALE]) if kind == Kind.MAG and s[acc.S_MAG_SCALE] > 0.0 else 1.0
-        seen = s[acc.S_T_KIND + kind] >= 0.0
+        seen = s[acc.S_T_KIND + kind] > acc.NEVER_NS
         entries.append(
             SensorHealth(
                 name=name,

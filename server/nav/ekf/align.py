@@ -26,6 +26,7 @@ from server.nav.ekf.layout import (
     C_HAS_HEADING,
     C_MODE,
     C_STILL_STEPS,
+    NEVER_NS,
     PAR_ACCEL_BIAS_SIGMA,
     PAR_DECLINATION_SIGMA,
     U_ACCEL_MEAN,
@@ -172,7 +173,7 @@ def align(x: Float, P: Float, u: Float, par: Float, aux: Float, ctl: Int) -> boo
     accelerometer bias are then the same unknown, and the covariance says so. Moving, the running mean must do.
     """
     still = rest(u, aux, ctl, gravity_here(x, aux, ctl))
-    if aux[A_T_START] < 0.0:
+    if aux[A_T_START] == NEVER_NS:
         aux[A_T_START] = u[U_T]
     if not still:
         restart(aux, ctl)

@@ -36,6 +36,7 @@ from server.nav.ekf.layout import (
     H_AID,
     H_STATUS,
     H_T,
+    NEVER_NS,
     RESET,
     UNDECIDED,
     W_DX,
@@ -129,7 +130,7 @@ def _position(
         return
     if h[H_STATUS] == FUSED or h[H_STATUS] == RESET:
         away = (h[H_T] - aux[A_T_GNSS]) * 1e-9
-        if aux[A_T_GNSS] >= 0.0 and away > 3.0:
+        if aux[A_T_GNSS] > NEVER_NS and away > 3.0:
             add_event(events, ctl, E_GNSS_BACK, h[H_T], away, math.sqrt(work[W_INNOV] ** 2 + work[W_INNOV + 1] ** 2))
         aux[A_T_GNSS] = h[H_T]
         ctl[C_REFUSED_RUN] = 0

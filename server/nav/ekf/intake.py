@@ -25,6 +25,7 @@ from server.nav.ekf.handle import clear_record, record
 from server.nav.ekf.history import attach
 from server.nav.ekf.layout import (
     A_GNSS_INTERVAL,
+    A_GNSS_WANDER_VAR,
     A_MAG_SUM,
     A_MAG_WEIGHT,
     A_SPEED_GNSS,
@@ -44,6 +45,7 @@ from server.nav.ekf.layout import (
     M_KIND,
     M_STATUS,
     M_T,
+    NEVER_NS,
     PAR_BARO_DELAY,
     PAR_GNSS_DELAY,
     PAR_IMU_DELAY,
@@ -57,6 +59,10 @@ MAG_INTERVAL_NS: Final = 40e6  # field noise of a vehicle is correlated longer t
 UNKNOWN_H_ACC_M: Final = 2.5  # single-frequency receiver in the open
 UNKNOWN_V_ACC_M: Final = 5.0
 UNKNOWN_S_ACC_M_S: Final = 0.3
+WANDER_SHARE: Final = 0.7
+"""Share of a stand-alone receiver's reported accuracy (68 % of the horizontal error) that is common to fixes of the
+same minutes, per axis: ionosphere, orbits and multipath. The filter follows it, so innovations cannot show it."""
+RTK_FIX: Final = 5.0  # fix_type of float and fixed carrier-phase solutions, which do not wander
 MIN_ACC_M: Final = 0.02
 MIN_ACC_M_S: Final = 0.02
 
@@ -113,10 +119,12 @@ def velocity_row(h: Float, m: Float) -> None:
 @njit("void(float64[::1], float64, float64[::1])", cache=True)
 def _note_gnss(m: Float, t_valid: float, aux: Float) -> None:
     """Keep the receiver's interval and speed, which the rest and outage logic need."""
-    if aux[A_T_GNSS_SEEN] >= 0.0:
+    if aux[A_T_GNSS_SEEN] > NEVER_NS:
         interval = min(10.0, max(0.0, (t_valid - aux[A_T_GNSS_SEEN]) * 1e-9))
         aux[A_GNSS_INTERVAL] += 0.2 * (interval - aux[A_GNSS_INTERVAL])
     aux[A_T_GNSS_SEEN] = t_valid
+    wander = WANDER_SHARE * _known(m[M_DATA + 6], UNKNOWN_H_ACC_M, MIN_ACC_M)
+    aux[A_GNSS_WANDER_VAR] = 0.0 if m[M_DATA + 9] >= RTK_FIX else wander * wander
     aux[A_SPEED_GNSS] = math.sqrt(m[M_DATA + 3] ** 2 + m[M_DATA + 4] ** 2)
 
 

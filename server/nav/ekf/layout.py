@@ -66,6 +66,9 @@ PAR_USE: Final = 20  # bits: 1 GNSS, 2 baro, 4 magnetometer
 PAR_DECLINATION_WALK: Final = 21  # rad/√s
 PAR_SIZE: Final = 22
 
+NEVER_NS: Final = -1e18
+"""A time before every other."""
+
 # Memory that is not rolled back: integers …
 C_MODE: Final = 0  # LaneStatus
 C_HEAD: Final = 1  # slots pushed so far
@@ -118,7 +121,8 @@ A_GYRO_SUM: Final = 38  # (3) over the rest that alignment averages
 A_ACCEL_SUM: Final = 41  # (3)
 A_SITE: Final = 44  # (3) latitude rad, longitude rad, height m
 A_T_RATE: Final = 47  # last zero-rate update, ns
-A_SIZE: Final = 48
+A_GNSS_WANDER_VAR: Final = 48  # slow error of an ordinary receiver that no innovation shows, m² per axis
+A_SIZE: Final = 49
 
 # Scratch, so that nothing is allocated in a step.
 W_U: Final = 0  # (19) input of the covariance prediction

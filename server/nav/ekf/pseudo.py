@@ -75,7 +75,7 @@ def pseudo_measurements(
         dirty = attach(h, dirty, t, ctl, work, r_u, r_m, r_n, aids, aid_t)
     if ctl[C_STILL_STEPS] * u[U_DT] < REST_BEFORE_ZERO_S or t - aux[A_T_RATE] < PSEUDO_INTERVAL_NS:
         return dirty
-    fresh = aux[A_T_GNSS_SEEN] >= 0.0 and t - aux[A_T_GNSS_SEEN] < 2e9
+    fresh = t - aux[A_T_GNSS_SEEN] < 2e9
     if ctl[C_POSITIONED]:
         speed = math.sqrt(x[X_VEL] ** 2 + x[X_VEL + 1] ** 2 + x[X_VEL + 2] ** 2)
         if speed > STILL_SPEED_M_S or (fresh and aux[A_SPEED_GNSS] > STILL_SPEED_M_S):

@@ -8,13 +8,14 @@ from typing import Final
 from numba import njit
 
 from server.nav.codes import ALIGNING, ATTITUDE, DEAD_RECKONING, FAILED, NAVIGATING
-from server.nav.ekf.align import align
+from server.nav.ekf.align import align, restart
 from server.nav.ekf.handle import add_event
 from server.nav.ekf.history import push, rerun
 from server.nav.ekf.intake import take
 from server.nav.ekf.layout import (
     A_GNSS_INTERVAL,
     A_T_GNSS,
+    A_T_START,
     C_HAS_HEADING,
     C_MODE,
     C_POSITIONED,
@@ -25,6 +26,7 @@ from server.nav.ekf.layout import (
     E_GAP,
     E_GNSS_LOST,
     M_STEP,
+    NEVER_NS,
     U_GAP_S,
     U_T,
 )
@@ -107,8 +109,10 @@ def run(
             add_event(events, ctl, E_GAP, u[U_T], u[U_GAP_S], 0.0)
             ctl[C_MODE] = ALIGNING
             ctl[C_POSITIONED] = ctl[C_VALID] = 0
+            restart(aux, ctl)
+            aux[A_T_START] = NEVER_NS
         if ctl[C_MODE] == ALIGNING:
-            aligned = align(x, P, u, par, aux, ctl)
+            aligned = u[U_GAP_S] <= GAP_RESTART_S and align(x, P, u, par, aux, ctl)
             if aligned:
                 tilt = math.sqrt(max(P[packed(ATT, ATT)], P[packed(ATT + 1, ATT + 1)]))
                 heading = math.sqrt(P[packed(ATT + 2, ATT + 2)]) if ctl[C_HAS_HEADING] else math.nan
@@ -143,5 +147,7 @@ def run(
             rows[n, 25] = FAILED
             ctl[C_MODE] = ALIGNING  # start again from nothing, after saying so
             ctl[C_POSITIONED] = ctl[C_VALID] = 0
+            restart(aux, ctl)
+            aux[A_T_START] = NEVER_NS
             continue
         publish(x, P, u, par, aux, ctl, rows[n])

@@ -119,9 +119,9 @@ class InsEkf:
         self._x[X_Q] = 1.0
         self._aux, self._ctl = np.zeros(at.A_SIZE), np.zeros(at.C_SIZE, dtype=np.int64)
         for index in (at.A_T_GNSS, at.A_T_GNSS_SEEN, at.A_T_START):
-            self._aux[index] = -1.0
+            self._aux[index] = at.NEVER_NS
         for index in (at.A_T_MAG, at.A_T_BARO, at.A_T_STILL, at.A_T_RATE, at.A_T_GRAVITY):
-            self._aux[index] = -1e18
+            self._aux[index] = at.NEVER_NS
         self._aux[at.A_K_POS] = self._aux[at.A_K_VEL] = self._aux[at.A_K_BARO] = 1.0
         self._aux[at.A_GNSS_INTERVAL] = 0.2
         self._aux[at.A_GRAVITY] = 9.80665
@@ -180,6 +180,9 @@ class InsEkf:
 
     def _event(self, code: int, t: float, first: float, second: float) -> Event:
         key, severity, text, names = EVENT_TEXTS[code]
-        values = tuple((name, float(v)) for name, v in zip(names, (first, second), strict=True) if name)
+        numbers = zip(names, (float(first), float(second)), strict=True)
+        values = tuple((name, v) for name, v in numbers if name and math.isfinite(v))
         sentence = text.format(first, second)
+        if code == at.E_ALIGNED and math.isnan(first):
+            sentence = f"Aligned; tilt σ {second:.3g} rad. Heading unknown: no magnetometer was heard."
         return Event(t_ns=int(t) + self._t0_ns, code=key, severity=severity, text=sentence, values=values)

@@ -49,6 +49,7 @@ from server.nav.preprocess.memory import (
     N_ORDER,
     N_REPEATED,
     N_SAMPLES,
+    NEVER_NS,
     S_ACCEL,
     S_ACCEL_SUM,
     S_CELL,
@@ -123,7 +124,7 @@ def _take_imu(row: Float, t: float, rate_hz: float, s: Float, n: Int, out: Float
     """Add an IMU sample; return True when it closed a step into `out`."""
     if not check_imu(row, t, s, n):
         return False
-    first = s[S_T_LAST] < 0.0
+    first = s[S_T_LAST] == NEVER_NS
     if first:
         s[S_T_START] = t
         s[S_CELL] = math.floor(t * 1e-9 * rate_hz + 1e-6)
@@ -168,7 +169,7 @@ def _take_aid(kind: int, t: float, s: Float, n: Int, out: Float) -> None:
         status = REFUSED_REPEATED if repeated else REFUSED_ORDER
     elif status == FUSED:
         counters[N_SAMPLES] += 1
-        if s[S_T_KIND + kind] >= 0.0:
+        if s[S_T_KIND + kind] > NEVER_NS:
             interval = (t - s[S_T_KIND + kind]) * 1e-9
             s[S_RATE + kind] += (0.1 if s[S_RATE + kind] > 0.0 else 1.0) * (interval - s[S_RATE + kind])
         s[S_T_KIND + kind] = t
@@ -203,7 +204,7 @@ def accumulate(
         if kind[i] == IMU:
             if _take_imu(data[i], t, rate_hz, s, n, steps[n_steps]):
                 n_steps += 1
-            if s[S_T_KIND + IMU] >= 0.0 and t > s[S_T_KIND + IMU]:
+            if s[S_T_KIND + IMU] > NEVER_NS and t > s[S_T_KIND + IMU]:
                 interval = (t - s[S_T_KIND + IMU]) * 1e-9
                 s[S_RATE + IMU] += (0.01 if s[S_RATE + IMU] > 0.0 else 1.0) * (interval - s[S_RATE + IMU])
             s[S_T_KIND + IMU] = max(t, s[S_T_KIND + IMU])

@@ -29,6 +29,7 @@ from server.nav.preprocess.memory import (
     N_REPEATED,
     N_SAMPLES,
     N_STUCK,
+    NEVER_NS,
     S_GYRO,
     S_LIVELY,
     S_MAG_BAD,
@@ -82,7 +83,7 @@ def check_imu(row: Float, t: float, s: Float, n: Int) -> int:
     if t <= s[S_T_LAST]:
         counters[N_REPEATED if t == s[S_T_LAST] else N_ORDER] += 1
         return 0
-    same = s[S_T_LAST] >= 0.0
+    same = s[S_T_LAST] > NEVER_NS
     for i in range(6):
         same = same and row[i] == s[S_GYRO + i]
     s[S_SAME] = s[S_SAME] + (t - s[S_T_LAST]) * 1e-9 if same else 0.0

@@ -20,8 +20,10 @@ N_NO_FIX: Final = 7
 N_COUNTERS: Final = 8
 KINDS: Final = 11
 
+NEVER_NS: Final = -1e18
+
 # Float state.
-S_T_LAST: Final = 0  # previous IMU stamp, ns; −1 before the first
+S_T_LAST: Final = 0  # previous IMU stamp, ns; NEVER_NS before the first
 S_T_START: Final = 1  # start of the open step, ns
 S_CELL: Final = 2  # number of the open step on the time grid
 S_Q: Final = 3  # (4) rotation since the start of the step
@@ -40,7 +42,7 @@ S_LIVELY: Final = 30  # samples seen that differ from the one before
 S_MAG_SCALE: Final = 31  # 0 = not yet found
 S_MAG_BAD: Final = 32  # samples in a row that the scale does not explain
 S_INTERVAL: Final = 33  # mean IMU interval, s
-S_T_KIND: Final = 34  # (11) last stamp of each kind, ns; −1 before the first
+S_T_KIND: Final = 34  # (11) last stamp of each kind, ns; NEVER_NS before the first
 S_RATE: Final = 45  # (11) mean interval of each kind, s
 S_SIZE: Final = 56
 
@@ -48,8 +50,8 @@ S_SIZE: Final = 56
 def new_memory() -> tuple[Float, Int]:
     """Return (s, n) as before the first sample."""
     s = np.zeros(S_SIZE)
-    s[S_T_LAST] = -1.0
+    s[S_T_LAST] = NEVER_NS
     s[S_Q] = 1.0
     s[S_TEMPERATURE] = np.nan
-    s[S_T_KIND : S_T_KIND + KINDS] = -1.0
+    s[S_T_KIND : S_T_KIND + KINDS] = NEVER_NS
     return s, np.zeros((KINDS, N_COUNTERS), dtype=np.int64)
