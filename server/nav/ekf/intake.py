@@ -26,6 +26,7 @@ from server.nav.ekf.history import attach
 from server.nav.ekf.layout import (
     A_GNSS_INTERVAL,
     A_GNSS_WANDER_VAR,
+    A_K_POS,
     A_MAG_SUM,
     A_MAG_WEIGHT,
     A_SPEED_GNSS,
@@ -61,7 +62,8 @@ UNKNOWN_V_ACC_M: Final = 5.0
 UNKNOWN_S_ACC_M_S: Final = 0.3
 WANDER_SHARE: Final = 0.7
 """Share of a stand-alone receiver's reported accuracy (68 % of the horizontal error) that is common to fixes of the
-same minutes, per axis: ionosphere, orbits and multipath. The filter follows it, so innovations cannot show it."""
+same minutes, per axis: ionosphere, orbits and multipath. The filter follows it, so it shows as what the innovations
+lack: it counts only as far as their variance stays below the reported one."""
 RTK_FIX: Final = 5.0  # fix_type of float and fixed carrier-phase solutions, which do not wander
 MIN_ACC_M: Final = 0.02
 MIN_ACC_M_S: Final = 0.02
@@ -124,7 +126,8 @@ def _note_gnss(m: Float, t_valid: float, aux: Float) -> None:
         aux[A_GNSS_INTERVAL] += 0.2 * (interval - aux[A_GNSS_INTERVAL])
     aux[A_T_GNSS_SEEN] = t_valid
     wander = WANDER_SHARE * _known(m[M_DATA + 6], UNKNOWN_H_ACC_M, MIN_ACC_M)
-    aux[A_GNSS_WANDER_VAR] = 0.0 if m[M_DATA + 9] >= RTK_FIX else wander * wander
+    unseen = max(0.0, 1.0 - aux[A_K_POS])
+    aux[A_GNSS_WANDER_VAR] = 0.0 if m[M_DATA + 9] >= RTK_FIX else wander * wander * unseen
     aux[A_SPEED_GNSS] = math.sqrt(m[M_DATA + 3] ** 2 + m[M_DATA + 4] ** 2)
 
 
@@ -175,6 +178,8 @@ def take(
     if status != FUSED:
         clear_record(work)
         record(aid, status, t_valid, t_ns, work, ctl, aids, aid_t)
+        if kind == GNSS:  # one message, two measurements: both accounts say what became of it
+            record(GNSS_VELOCITY, status, t_valid, t_ns, work, ctl, aids, aid_t)
         return dirty
     if kind == GNSS:
         _note_gnss(m, t_valid, aux)

@@ -1,0 +1,84 @@
+"""What a replay may be told on the command line, parsed once: lanes, outages, rate."""
+
+from __future__ import annotations
+
+import math
+from collections.abc import Iterable, Sequence
+from dataclasses import fields, replace
+from typing import Any
+
+from server.nav.types import EngineSettings
+from server.replay.errors import ReplayError, nearest
+
+Stretch = tuple[float, float]
+
+
+def known_lanes() -> tuple[str, ...]:
+    """Return the names of every lane the engine has."""
+    from server.nav.engine import LANES
+
+    return LANES
+
+
+def lanes_from_text(text: str) -> tuple[str, ...]:
+    """Return the lanes of "a,b" or "all"; "" is all of them.
+
+    Raises:
+        ReplayError: a lane is not known; the message lists those that are.
+    """
+    names = [name.strip() for name in text.split(",") if name.strip()]
+    return checked_lanes(known_lanes() if not names or names == ["all"] else names)
+
+
+def checked_lanes(lanes: Iterable[str]) -> tuple[str, ...]:
+    """Return the lanes without repetition, in the order given.
+
+    Raises:
+        ReplayError: a lane is not known, or none is given.
+    """
+    names = tuple(dict.fromkeys(lanes))
+    for name in names:
+        if name not in known_lanes():
+            known = ", ".join(known_lanes())
+            raise ReplayError(f"lane {name!r} is not known{nearest(name, known_lanes())}. Known: {known}, or all.")
+    if not names:
+        raise ReplayError(f"no lane is given. Known: {', '.join(known_lanes())}, or all.")
+    return names
+
+
+def outage_from_text(text: str) -> Stretch:
+    """Return (a, b) of "A:B", seconds after the earliest t_ns of any file.
+
+    Raises:
+        ReplayError: not two numbers with 0 ≤ A < B.
+    """
+    try:
+        start_s, stop_s = (float(part) for part in text.split(":"))
+    except ValueError:
+        raise ReplayError(f"--gnss-outage {text!r} is not A:B in seconds. Write for example 60:90.") from None
+    return checked_outage((start_s, stop_s))
+
+
+def checked_outage(stretch_s: Sequence[float]) -> Stretch:
+    """Return the stretch when 0 ≤ a < b and both are finite, else raise ReplayError."""
+    start_s, stop_s = stretch_s
+    if not (math.isfinite(start_s) and math.isfinite(stop_s) and 0.0 <= start_s < stop_s):
+        raise ReplayError(
+            f"--gnss-outage {start_s:g}:{stop_s:g} is not a stretch: A and B are seconds after the log's "
+            "first sample, with 0 ≤ A < B."
+        )
+    return float(start_s), float(stop_s)
+
+
+def merged(*overrides: dict[str, Any]) -> EngineSettings:
+    """Return the default settings with each set of overrides on top, the last one winning.
+
+    Raises:
+        ReplayError: a name that is not a setting.
+    """
+    known = [field.name for field in fields(EngineSettings)]
+    values = {name: value for part in overrides for name, value in part.items()}
+    for name in values:
+        if name not in known:
+            raise ReplayError(f"setting {name!r} is not known{nearest(name, known)}.")
+    return replace(EngineSettings(), **values)

@@ -1,0 +1,134 @@
+"""The demo board on a real pseudo-terminal: whoever opens the port finds what a serial board would show there."""
+
+from __future__ import annotations
+
+import contextlib
+import os
+import select
+import threading
+import time
+import tty
+from typing import Final
+
+from server.sim.settings import SimSettings
+from server.sim.stream import ONLY_HEARTBEAT, SimStream
+
+BATCH_S: Final = 0.004
+"""Bytes leave at least this far apart: a wake-up costs more than what it sends."""
+IDLE_S: Final = 0.05
+"""Longest sleep; bounds how long `stop` waits."""
+MAX_LAG_S: Final = 1.0
+"""A host that stalls longer than this has stopped the board's clock too: nothing is sent in a hurry afterwards."""
+
+
+class SimBoard:
+    """A demo board behind a port of its own; one thread, paced by the monotonic clock, never stuck on its reader."""
+
+    def __init__(self, settings: SimSettings | None = None) -> None:
+        self._settings = settings or SimSettings()
+        self._stopping = threading.Event()
+        self._thread: threading.Thread | None = None
+        self._port = _Port()
+        self.path = ""
+
+    @property
+    def bytes_out(self) -> int:
+        """Bytes the terminal took."""
+        return self._port.bytes_out
+
+    @property
+    def dropped_frames(self) -> int:
+        """Frames that found the terminal full, because nobody read, and were lost whole."""
+        return self._port.dropped_frames
+
+    def start(self) -> str:
+        """Power the board up and return the path of its port, such as /dev/pts/3."""
+        if self._thread is not None:
+            raise RuntimeError("the demo board runs already; make another one, or stop it first")
+        self.path = self._port.open()
+        self._stopping.clear()
+        self._thread = threading.Thread(target=self._live, name="sim-board", daemon=True)
+        self._thread.start()
+        return self.path
+
+    def stop(self) -> None:
+        """Pull the plug: the port is gone when this returns. Without a running board nothing happens."""
+        if self._thread is None:
+            return
+        self._stopping.set()
+        self._thread.join()
+        self._thread = None
+        self._port.close()
+
+    def _live(self) -> None:
+        stream = SimStream(self._settings, ONLY_HEARTBEAT)
+        speed = self._settings.speed
+        start_ns = last_ns = time.monotonic_ns()
+        while not self._stopping.is_set():
+            now_ns = time.monotonic_ns()
+            start_ns += max(now_ns - last_ns - round(MAX_LAG_S * 1e9), 0)
+            last_ns = now_ns
+            board_ns = round((now_ns - start_ns) * speed)
+            request = self._port.read()
+            if request:
+                stream.receive(request, board_ns)
+            self._port.write(stream.advance(board_ns))
+            wait_s = (stream.next_due_ns - board_ns) * 1e-9 / speed
+            self._port.wait(min(max(wait_s, BATCH_S), IDLE_S))
+
+
+class _Port:
+    """The two ends of a pseudo-terminal; holding the far end too keeps its settings when readers come and go."""
+
+    def __init__(self) -> None:
+        self._near = self._far = -1
+        self._rest = b""
+        self.bytes_out = 0
+        self.dropped_frames = 0
+
+    def open(self) -> str:
+        self._near, self._far = os.openpty()
+        tty.setraw(self._far)
+        os.set_blocking(self._near, False)
+        return os.ttyname(self._far)
+
+    def close(self) -> None:
+        os.close(self._near)
+        os.close(self._far)
+        self._near = self._far = -1
+        self._rest = b""
+
+    def wait(self, timeout_s: float) -> None:
+        """Sleep, but wake up when the ground says something."""
+        select.select([self._near], [], [], timeout_s)
+
+    def read(self) -> bytes:
+        with contextlib.suppress(BlockingIOError):
+            return os.read(self._near, 4096)
+        return b""
+
+    def write(self, frames: list[bytes]) -> None:
+        """Send whole frames; the rest of one that the terminal cut goes first, what finds no room is dropped."""
+        if self._rest:
+            self._rest = self._rest[self._take(self._rest) :]
+        if self._rest:
+            self.dropped_frames += len(frames)
+        elif frames:
+            self._write_all(frames)
+
+    def _write_all(self, frames: list[bytes]) -> None:
+        sent = self._take(b"".join(frames))
+        for i, frame in enumerate(frames):
+            if sent < len(frame):
+                self._rest = frame[sent:] if sent else b""
+                self.dropped_frames += len(frames) - i - (1 if sent else 0)
+                return
+            sent -= len(frame)
+
+    def _take(self, data: bytes) -> int:
+        try:
+            taken = os.write(self._near, data)
+        except BlockingIOError:
+            taken = 0
+        self.bytes_out += taken
+        return taken

@@ -1,0 +1,42 @@
+"""Options as text."""
+
+from __future__ import annotations
+
+import pytest
+
+from server.nav.engine import LANES
+from server.replay.errors import ReplayError
+from server.replay.options import checked_outage, lanes_from_text, merged, outage_from_text
+
+
+def test_lanes_are_named_or_all() -> None:
+    assert lanes_from_text("all") == lanes_from_text("") == LANES
+    assert lanes_from_text(" reference, ins_ekf,reference ") == ("reference", "ins_ekf")
+
+
+def test_an_unknown_lane_is_answered_with_those_there_are() -> None:
+    with pytest.raises(ReplayError, match=r"lane 'ins_efk' is not known \(did you mean ins_ekf\?\). Known: ins_ekf, "):
+        lanes_from_text("reference,ins_efk")
+
+
+def test_an_outage_is_two_numbers_of_seconds() -> None:
+    assert outage_from_text("60:90.5") == (60.0, 90.5)
+    assert outage_from_text("0:1e3") == (0.0, 1000.0)
+
+
+@pytest.mark.parametrize("text", ["60", "a:b", "60:", "1:2:3", ""])
+def test_an_outage_that_is_not_two_numbers_says_how_to_write_it(text: str) -> None:
+    with pytest.raises(ReplayError, match="Write for example 60:90"):
+        outage_from_text(text)
+
+
+@pytest.mark.parametrize("stretch", [(5.0, 5.0), (6.0, 5.0), (-1.0, 5.0), (0.0, float("inf")), (float("nan"), 1.0)])
+def test_an_outage_that_is_no_stretch_is_refused(stretch: tuple[float, float]) -> None:
+    with pytest.raises(ReplayError, match="0 ≤ A < B"):
+        checked_outage(stretch)
+
+
+def test_later_settings_win_and_an_unknown_one_is_refused() -> None:
+    assert merged({"nav_rate_hz": 10.0, "use_baro": False}, {"nav_rate_hz": 100.0}).nav_rate_hz == 100.0
+    with pytest.raises(ReplayError, match=r"'nav_rate' is not known \(did you mean nav_rate_hz\?\)"):
+        merged({"nav_rate": 3})

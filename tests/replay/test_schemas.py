@@ -1,0 +1,93 @@
+"""The shipped JSON Schemas: as generated, and true of a real run's input and output."""
+
+from __future__ import annotations
+
+import json
+import tomllib
+from pathlib import Path
+
+import pytest
+from jsonschema import Draft202012Validator
+from jsonschema.exceptions import ValidationError
+from referencing import Registry, Resource
+
+from server.replay.run import replay
+from server.replay.schemas import schema_text, schemas, shipped
+from tests.replay.sensor_folders import OUTPUT_HEADER, read_csv, static_board
+
+INTEGERS = {"t_ns"}
+
+
+def validator(name: str) -> Draft202012Validator:
+    meta = Resource.from_contents(shipped("meta.schema.json"))
+    return Draft202012Validator(shipped(name), registry=Registry().with_resource("meta.schema.json", meta))
+
+
+@pytest.fixture(scope="module")
+def folder(tmp_path_factory: pytest.TempPathFactory) -> Path:
+    return static_board(tmp_path_factory.mktemp("log"), duration_s=12.0, imu_hz=100.0)
+
+
+@pytest.fixture(scope="module")
+def out(folder: Path, tmp_path_factory: pytest.TempPathFactory) -> Path:
+    place = tmp_path_factory.mktemp("out")
+    replay(folder, place, gnss_outages=[(5.0, 6.0)])
+    return place
+
+
+def rows(path: Path) -> list[dict[str, object]]:
+    """Read a CSV as the schema sees it: named cells, empty = null."""
+    header, lines = read_csv(path)
+    return [{name: _cell(name, text) for name, text in zip(header, line, strict=True)} for line in lines]
+
+
+def _cell(name: str, text: str) -> object:
+    if not text:
+        return None
+    return text if name == "status" else int(text) if name in INTEGERS else float(text)
+
+
+@pytest.mark.parametrize("name", sorted(schemas()))
+def test_the_shipped_schema_is_the_generated_one_and_a_valid_schema(name: str) -> None:
+    path = Path(__file__).resolve().parents[2] / "server" / "replay" / "schema" / name
+    assert path.read_text(encoding="utf-8") == schema_text(schemas()[name]), "run python -m server.replay.schemas"
+    Draft202012Validator.check_schema(shipped(name))
+
+
+def test_a_real_summary_is_what_its_schema_says(out: Path) -> None:
+    validator("summary.schema.json").validate(json.loads((out / "summary.json").read_text(encoding="utf-8")))
+
+
+def test_a_summary_with_a_stranger_or_without_a_part_is_not(out: Path) -> None:
+    found = json.loads((out / "summary.json").read_text(encoding="utf-8"))
+    for broken in ({**found, "extra": 1}, {k: v for k, v in found.items() if k != "aids"}):
+        with pytest.raises(ValidationError):
+            validator("summary.schema.json").validate(broken)
+
+
+def test_every_row_of_a_lane_is_what_its_schema_says(out: Path) -> None:
+    check = validator("lane.schema.json")
+    found = rows(out / "ins_ekf.csv")
+    assert {row["status"] for row in found} >= {"aligning", "navigating"}
+    for row in found[::7]:
+        check.validate(row)
+    assert shipped("lane.schema.json")["x-columns"] == OUTPUT_HEADER.split(",")
+    with pytest.raises(ValidationError):
+        check.validate({**found[0], "status": "ok"})
+
+
+def test_a_sensor_folder_is_what_its_schema_says(folder: Path) -> None:
+    check = validator("sensor-folder.schema.json")
+    given = {path.name: rows(path)[:20] for path in folder.glob("*.csv")}
+    given["meta.toml"] = json.loads(json.dumps(tomllib.loads((folder / "meta.toml").read_text()), default=str))
+    assert set(given) == {"imu.csv", "mag.csv", "baro.csv", "gnss.csv", "reference.csv", "meta.toml"}
+    check.validate(given)
+    for broken in (
+        {},
+        {**given, "imu.csv": [{"t_ns": 1}]},
+        {**given, "baro.csv": [{"t_ns": 1}]},
+        {**given, "meta.toml": {"gnss": {"delay_ms": 3}}},
+        {**given, "dmp.csv": [{"t_ns": 1, "q_w": 0.5, "q_x": 0, "q_y": 0, "q_z": 0}]},
+    ):
+        with pytest.raises(ValidationError):
+            check.validate(broken)
