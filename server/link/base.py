@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import AsyncIterator
-from dataclasses import dataclass
+from dataclasses import dataclass, field
 from enum import StrEnum
 from typing import Protocol
 
@@ -31,6 +31,7 @@ class LinkStatus:
     Attributes:
         code: stable key of the cause (the page translates it), "" when well, e.g. "port-busy".
         cause, remedy: English sentences; empty when well.
+        details: what the sentences were filled with (device, holder, ...), so that a translation by `code` can be too.
         since_ns: host monotonic time since when it is in this state.
         t_last_rx_ns: host monotonic time of the last byte; -1 before the first.
     """
@@ -45,6 +46,7 @@ class LinkStatus:
     bytes_out: int = 0
     reconnects: int = 0
     t_last_rx_ns: int = -1
+    details: dict[str, str] = field(default_factory=dict)
 
 
 @dataclass(frozen=True, slots=True)

@@ -19,6 +19,21 @@ class SenderStats:
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
+class RequestStats:
+    """One message the board was asked for.
+
+    Attributes:
+        state: "waiting", "asked", "granted", "refused" or "unanswered".
+        granted_hz: NaN unless granted.
+    """
+
+    message: str
+    state: str
+    wanted_hz: float
+    granted_hz: float
+
+
+@dataclass(frozen=True, slots=True, kw_only=True)
 class ProtocolStats:
     """Byte-exact accounts: bytes_in = bytes_frames + bytes_junk + bytes_pending."""
 
@@ -37,6 +52,15 @@ class ProtocolStats:
     clock_drift_ppm: float = float("nan")
     boot_id: int = 0
     board: str = ""  # e.g. "ArduPilot quadrotor, system 1"
+    repeated_samples: int = 0  # old samples that a message carried again
+    disbelieved_stamps: int = 0  # messages dropped because their stamp did not fit the board's clock
+    requests: tuple[RequestStats, ...] = ()  # what the board was asked for
+    code: str = (
+        ""  # stable key of what is wrong, "" when well, e.g. "wrong-baud", "foreign-protocol", "interval-refused"
+    )
+    foreign: str = ""  # name of the other protocol the bytes are in, with code "foreign-protocol"
+    cause: str = ""  # English sentences, empty when well
+    remedy: str = ""
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
