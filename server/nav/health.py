@@ -28,6 +28,10 @@ REASONS: Final = (
 )
 
 
+RECENT_NS: Final = 10e9
+"""How long a hole in the data stays worth a caution; the count stays for ever."""
+
+
 def sensor_health(s: Float, n: Int, t0_ns: int) -> tuple[SensorHealth, ...]:
     """Return one entry per sensor that was ever seen, from the preprocessing's memory (`accumulate`)."""
     entries = []
@@ -61,7 +65,7 @@ def _note(kind: Kind, scale: float, counters: Int, s: Float) -> str:
         return "mag-scale-corrected"
     if kind == Kind.IMU and s[acc.S_SAME] > STUCK_S:
         return "imu-stuck"
-    if kind == Kind.IMU and counters[acc.N_GAPS]:
+    if kind == Kind.IMU and s[acc.S_T_LAST] - s[acc.S_T_GAP] < RECENT_NS:
         return "imu-gaps"
     return ""
 

@@ -8,6 +8,7 @@ import select
 import threading
 import time
 import tty
+from collections import deque
 from typing import Final
 
 from server.sim.settings import SimSettings
@@ -17,6 +18,8 @@ BATCH_S: Final = 0.004
 """Bytes leave at least this far apart: a wake-up costs more than what it sends."""
 IDLE_S: Final = 0.05
 """Longest sleep; bounds how long `stop` waits."""
+BUFFER_BYTES: Final = 65536
+"""What the board holds back for a reader that is late, as boards on USB do: a second and a half of full streams."""
 MAX_LAG_S: Final = 1.0
 """A host that stalls longer than this has stopped the board's clock too: nothing is sent in a hurry afterwards."""
 
@@ -82,7 +85,8 @@ class _Port:
 
     def __init__(self) -> None:
         self._near = self._far = -1
-        self._rest = b""
+        self._queue: deque[bytes] = deque()
+        self._waiting = 0
         self.bytes_out = 0
         self.dropped_frames = 0
 
@@ -96,7 +100,8 @@ class _Port:
         os.close(self._near)
         os.close(self._far)
         self._near = self._far = -1
-        self._rest = b""
+        self._queue.clear()
+        self._waiting = 0
 
     def wait(self, timeout_s: float) -> None:
         """Sleep, but wake up when the ground says something."""
@@ -108,22 +113,20 @@ class _Port:
         return b""
 
     def write(self, frames: list[bytes]) -> None:
-        """Send whole frames; the rest of one that the terminal cut goes first, what finds no room is dropped."""
-        if self._rest:
-            self._rest = self._rest[self._take(self._rest) :]
-        if self._rest:
-            self.dropped_frames += len(frames)
-        elif frames:
-            self._write_all(frames)
-
-    def _write_all(self, frames: list[bytes]) -> None:
-        sent = self._take(b"".join(frames))
-        for i, frame in enumerate(frames):
-            if sent < len(frame):
-                self._rest = frame[sent:] if sent else b""
-                self.dropped_frames += len(frames) - i - (1 if sent else 0)
+        """Send what waits and these frames, in order; frames past the buffer's end are dropped whole."""
+        for frame in frames:
+            if self._waiting + len(frame) > BUFFER_BYTES:
+                self.dropped_frames += 1
+            else:
+                self._queue.append(frame)
+                self._waiting += len(frame)
+        while self._queue:
+            batch = b"".join(self._queue)
+            sent = self._take(batch)
+            self._queue = deque([batch[sent:]] if sent < len(batch) else [])
+            self._waiting -= sent
+            if sent < len(batch):
                 return
-            sent -= len(frame)
 
     def _take(self, data: bytes) -> int:
         try:

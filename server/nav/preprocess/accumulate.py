@@ -61,6 +61,7 @@ from server.nav.preprocess.memory import (
     S_Q,
     S_RATE,
     S_SLOW,
+    S_T_GAP,
     S_T_KIND,
     S_T_LAST,
     S_T_START,
@@ -134,7 +135,7 @@ def _take_imu(row: Float, t: float, rate_hz: float, s: Float, n: Int, out: Float
         dt = (t - s[S_T_LAST]) * 1e-9
         if dt > BRIDGE_S:
             n[IMU, N_GAPS] += 1
-            s[S_GAP] = max(s[S_GAP], dt)
+            s[S_GAP], s[S_T_GAP] = max(s[S_GAP], dt), t
         _integrate(row, dt, s)
     for i in range(3):
         s[S_GYRO + i], s[S_ACCEL + i] = row[i], row[3 + i]

@@ -44,13 +44,15 @@ S_MAG_BAD: Final = 32  # samples in a row that the scale does not explain
 S_INTERVAL: Final = 33  # mean IMU interval, s
 S_T_KIND: Final = 34  # (11) last stamp of each kind, ns; NEVER_NS before the first
 S_RATE: Final = 45  # (11) mean interval of each kind, s
-S_SIZE: Final = 56
+S_T_GAP: Final = 56  # end of the last hole, ns; NEVER_NS before the first
+S_SIZE: Final = 57
 
 
 def new_memory() -> tuple[Float, Int]:
     """Return (s, n) as before the first sample."""
     s = np.zeros(S_SIZE)
     s[S_T_LAST] = NEVER_NS
+    s[S_T_GAP] = NEVER_NS
     s[S_Q] = 1.0
     s[S_TEMPERATURE] = np.nan
     s[S_T_KIND : S_T_KIND + KINDS] = NEVER_NS
