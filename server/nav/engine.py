@@ -258,6 +258,7 @@ class NavEngine:
             filtered=self._filtered,
             events=tuple(self._events),
             steps=self._steps,
+            vehicle=VehicleClass(self._vehicle),
         )
 
 

@@ -385,6 +385,7 @@ class Snapshot:
     filtered: tuple[float, ...]  # newest STEP_COLUMNS row, () before the first step
     events: tuple[Event, ...]  # newest last, bounded
     steps: int
+    vehicle: VehicleClass = VehicleClass.UNKNOWN
 
 
 class FieldModel(Protocol):

@@ -42,9 +42,9 @@ class ProtocolStats:
     bytes_frames: int = 0
     bytes_junk: int = 0
     bytes_pending: int = 0
-    frames: int = 0
+    frames: int = 0  # whole, and their check sums right
     crc_errors: int = 0
-    unknown_messages: int = 0
+    unknown_messages: int = 0  # besides `frames`: noise makes them too, for an unknown id has no check sum
     filtered_frames: int = 0  # whole and valid, but of another system or component
     senders: tuple[SenderStats, ...] = ()
     messages: tuple[tuple[str, int, float], ...] = ()  # (name, count, rate_hz)
@@ -55,10 +55,7 @@ class ProtocolStats:
     repeated_samples: int = 0  # old samples that a message carried again
     disbelieved_stamps: int = 0  # messages dropped because their stamp did not fit the board's clock
     requests: tuple[RequestStats, ...] = ()  # what the board was asked for
-    code: str = (
-        ""  # stable key of what is wrong, "" when well, e.g. "wrong-baud", "foreign-protocol", "interval-refused"
-    )
-    foreign: str = ""  # name of the other protocol the bytes are in, with code "foreign-protocol"
+    code: str = ""  # stable key of what is wrong, "" when well, e.g. "interval-refused"
     cause: str = ""  # English sentences, empty when well
     remedy: str = ""
 

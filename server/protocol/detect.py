@@ -10,8 +10,6 @@ from server.protocol.signatures import Coverage, crsf, msp, nmea, rtcm3, sbf, te
 
 MIN_BYTES: Final = 600
 """Fewer say nothing: two of the longest frames, a line of boot text, a glitch on opening."""
-TAIL_BYTES: Final = 4096
-"""What a protocol keeps of the bytes it could not read."""
 TEXT_SHARE: Final = 0.95
 """Noise has about 40 % printable bytes; a console or a log more than this."""
 STUCK_SHARE: Final = 0.98
@@ -62,7 +60,7 @@ _KNOWN: Final = (
         name="MSP (Betaflight, INAV)",
         covered=msp,
         least=24,
-        remedy="Set this port to MAVLink in the board's configurator (Ports, Telemetry Output), and its rate to 115200.",
+        remedy="Set this port to MAVLink in the board's configurator (Ports, Telemetry Output), at 115200 baud.",
     ),
     _Known(
         name="CRSF (radio control link)",

@@ -189,3 +189,41 @@ def test_an_empty_block_is_nothing():
     result = NavEngine(EngineSettings(), field_model).step(empty)
     assert result.lanes == ()
     assert len(result.aids.t_ns) == 0
+
+
+def test_a_magnetometer_that_comes_late_gives_the_heading_when_it_comes():
+    stream, truth = circle(duration_s=60.0)
+    stream.rows = [r for r in stream.rows if r[3] != Kind.MAG or r[4] > 9.0]
+    t_ns, rows, results, _ = navigate(stream.block())
+    assert [e.code for r in results for e in r.events].count("heading-found") == 1
+    before, after = rows[np.searchsorted(t_ns, 8.9e9)], rows[np.searchsorted(t_ns, 9.5e9)]
+    assert before[12] == pytest.approx(math.pi, rel=0.01)
+    assert after[12] < math.radians(6.0)
+    _, _, heading, _ = errors(t_ns, rows, truth)
+    assert np.sqrt((heading**2).mean()) < math.radians(0.5)
+
+
+def test_a_car_without_a_magnetometer_takes_its_heading_from_the_course():
+    stream, truth = circle(duration_s=60.0, mag=False)
+    t_ns, rows, results, _ = navigate(stream.block())
+    assert [e.code for r in results for e in r.events].count("heading-from-course") == 1
+    assert rows[np.searchsorted(t_ns, 9e9), 25] == LaneStatus.ATTITUDE
+    position, _, heading, _ = errors(t_ns, rows, truth)
+    assert np.sqrt((position**2).sum(1).mean()) < 0.06
+    assert np.sqrt((heading**2).mean()) < math.radians(1.0)
+
+
+def test_a_board_that_is_never_still_is_aligned_in_motion():
+    """In the air from the first sample: tilt from the running mean, and GNSS makes it good."""
+    stream, truth = circle(duration_s=60.0, rest_s=0.0)
+    rng = np.random.default_rng(9)
+    for row in stream.rows:
+        if row[3] == Kind.IMU:
+            row[5][3:6] = np.array(row[5][3:6]) + 3.0 * rng.standard_normal(3)
+    t_ns, rows, results, _ = navigate(stream.block(), accel_noise_m_s2_rthz=0.25)  # 3 m/s² white at 200 Hz
+    aligned = next(e for r in results for e in r.events if e.code == "aligned")
+    assert 4.9 < aligned.t_ns * 1e-9 < 5.2
+    assert dict(aligned.values)["sigma_tilt_rad"] > math.radians(9.0)
+    position, _, heading, late = errors(t_ns, rows, truth, after_s=40.0)
+    assert np.sqrt((heading**2).mean()) < math.radians(6.0)
+    assert (np.abs(position) < 3 * late[:, 16:18]).all(1).mean() > 0.9

@@ -1,4 +1,4 @@
-"""Rows against pymavlink's fields on the recorded flight, and the rules of "How boards really behave" on frames of our own."""
+"""Rows against pymavlink's fields on the recorded flight."""
 
 import math
 from datetime import UTC, datetime

@@ -11,7 +11,7 @@ from server.link.base import LinkState
 from server.protocol.detect import MIN_BYTES, detect
 from server.protocol.mavlink import MavlinkProtocol
 from server.protocol.signatures import MAX_FAILED, _framed, crc8_dvb_s2, crc24q
-from tests.protocol.peer import Writer, frame_list
+from tests.protocol.peer import frame_list
 
 CAPTURES = {
     "mtk-3301.log": "NMEA 0183",
@@ -170,26 +170,13 @@ def test_a_few_bytes_say_nothing() -> None:
     assert MIN_BYTES > 60
 
 
-def test_the_protocol_itself_reports_what_its_bytes_are(shared_data: Path) -> None:
-    protocol = MavlinkProtocol()
-    assert protocol.stats.code == ""
-    for chunk in (
-        captured(shared_data / "gpsd_captures" / "ublox-neo-m8n.log")[k : k + 200] for k in range(0, 4000, 200)
-    ):
-        protocol.feed(chunk, 0)
+@pytest.mark.parametrize(("sent", "heard"), [(921600, 115200), (57600, 115200), (115200, 57600), (115200, 921600)])
+def test_a_wrong_baud_rate_makes_no_frames_to_be_counted(shared_data: Path, sent: int, heard: int) -> None:
+    """Noise does make unknown ids, about one in 2 kB, because they have no check sum: they are no sign of a board."""
+    frames = frame_list(shared_data / "ardupilot_sitl" / "mission.tlog")
+    protocol = MavlinkProtocol(talk=False)
+    protocol.feed(as_heard_at(b"".join(frames[:4000])[:150_000], sent, heard), 0)
     stats = protocol.stats
-    assert (stats.code, stats.foreign) == ("foreign-protocol", "u-blox UBX")
-    assert "UBX" in stats.cause
-    assert stats.remedy
-    writer = Writer()
-    protocol.feed(b"".join(writer("HEARTBEAT", type=2, autopilot=3) for _ in range(20)), 0)
-    assert protocol.stats.code == ""
-
-
-def test_noise_on_a_working_link_is_no_wrong_baud_rate() -> None:
-    writer, generator = Writer(), random.Random(2)
-    protocol = MavlinkProtocol()
-    for _ in range(50):
-        protocol.feed(generator.randbytes(300), 0)
-        protocol.feed(bytes(280) + writer("HEARTBEAT", type=2, autopilot=3), 0)
-    assert protocol.stats.code == ""
+    assert stats.frames == 0
+    assert stats.senders == ()
+    assert stats.bytes_in == stats.bytes_frames + stats.bytes_junk + stats.bytes_pending

@@ -2,6 +2,7 @@
 
 import math
 from collections.abc import Iterator
+from itertools import pairwise
 from pathlib import Path
 from typing import Any
 
@@ -10,7 +11,7 @@ import pytest
 from server.protocol.base import RequestStats
 from server.protocol.mavlink import REQUESTS, MavlinkProtocol, requests_for
 from server.protocol.mavlink.encode import OWN_COMPONENT, OWN_SYSTEM
-from server.protocol.mavlink.requests import LINK_SHARE, MISSING_AFTER_NS, RETRY_AFTER_NS
+from server.protocol.mavlink.requests import LINK_SHARE, MISSING_AFTER_NS, RETRY_AFTER_NS, needed_bytes_per_s
 from tests.protocol.peer import Writer, frame_list, pymavlink_messages
 
 STEP_NS = 20_000_000
@@ -203,7 +204,7 @@ def test_our_frames_have_running_sequence_numbers() -> None:
     board.run(200.0)
     numbers = [m.get_seq() for _, m in board.heard]
     assert len(numbers) > 400
-    assert all((b - a) & 255 == 1 for a, b in zip(numbers, numbers[1:], strict=False))
+    assert all((b - a) & 255 == 1 for a, b in pairwise(numbers))
 
 
 def test_nothing_but_a_heartbeat_is_sent_before_a_board_is_known() -> None:
@@ -228,13 +229,21 @@ def test_the_boards_time_question_is_answered_with_our_clock() -> None:
     assert (message.tc1, message.ts1) == (123_456_789, 40_009_823_001)
 
 
-@pytest.mark.parametrize("baud", [57_600, 115_200])
+@pytest.mark.parametrize("baud", [38_400, 57_600, 115_200, 230_400])
 def test_a_slow_link_is_asked_for_no_more_than_it_carries(baud: int) -> None:
     slower = requests_for(baud / 10)
-    used = sum(item.frame_bytes * 1e6 / item.intervals_us[0] for item in slower)
-    assert used <= LINK_SHARE * baud / 10
-    assert used > 0.5 * LINK_SHARE * baud / 10
+    assert 0.75 * LINK_SHARE * baud / 10 < needed_bytes_per_s(slower) <= LINK_SHARE * baud / 10
     assert all(list(item.intervals_us) == sorted(set(item.intervals_us)) for item in slower)
+    by_name = {item.name: item.intervals_us[0] for item in slower}
+    assert by_name["GPS_RAW_INT"] <= 200_000
+    assert by_name["HIGHRES_IMU"] <= 50_000
+    assert "SIM_STATE" not in by_name
+
+
+def test_a_link_too_slow_for_anything_is_still_asked_for_the_least() -> None:
+    assert {item.name: item.intervals_us[0] for item in requests_for(100.0)} == {
+        item.name: item.slowest_us for item in REQUESTS if item.slowest_us
+    }
 
 
 def test_a_fast_link_is_asked_for_everything() -> None:

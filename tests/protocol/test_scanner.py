@@ -1,4 +1,4 @@
-"""The compiled scanner against pymavlink's parser: the same frames from the same bytes, clean, damaged and cut anywhere."""
+"""The compiled scanner against pymavlink's parser: the same frames from the same bytes, damaged and cut anywhere."""
 
 import random
 from collections.abc import Callable

@@ -48,11 +48,12 @@ from server.nav.ekf.states import (
     X_Q,
     packed,
 )
+from server.nav.ekf.update import reset_axis
 from server.nav.rotation import matrix_entries, quat_from_rotvec, quat_mul
 from server.nav.types import Float, Int
 
 REST_S: Final = 2.0  # S0 §3.1.2 averages 50 to 100 samples at 50 Hz
-PATIENCE_S: Final = 15.0  # then the mean of a moving board must do
+PATIENCE_S: Final = 5.0  # then the mean of a moving board must do: in flight rest may never come
 STILL_GYRO_RAD_S: Final = 0.02  # spread of step means; a hand or a running motor is past it
 STILL_ACCEL_M_S2: Final = 0.25
 STILL_RATE_RAD_S: Final = 0.09  # 5 °/s: larger than a MEMS gyro's bias at power-up
@@ -95,10 +96,9 @@ def _collect(u: Float, aux: Float) -> None:
 
 @njit("void(float64[::1], int64[::1])", cache=True)
 def restart(aux: Float, ctl: Int) -> None:
-    """Forget what was averaged: the board moved."""
+    """Forget what was averaged: the board moved. The field keeps its newest sample only (`intake`)."""
     for i in range(3):
-        aux[A_GYRO_SUM + i] = aux[A_ACCEL_SUM + i] = aux[A_MAG_SUM + i] = 0.0
-    aux[A_MAG_WEIGHT] = 0.0
+        aux[A_GYRO_SUM + i] = aux[A_ACCEL_SUM + i] = 0.0
     ctl[C_ALIGN_STEPS] = 0
 
 
@@ -195,3 +195,10 @@ def align(x: Float, P: Float, u: Float, par: Float, aux: Float, ctl: Int) -> boo
         x[X_GYRO_BIAS + i] = aux[A_GYRO_SUM + i] / n
         P[packed(GYRO_BIAS + i, GYRO_BIAS + i)] = GYRO_BIAS_SIGMA_REST_RAD_S**2
     return True
+
+
+@njit("void(float64[::1], float64[::1], float64)", cache=True)
+def set_heading(x: Float, P: Float, angle_rad: float) -> None:
+    """Turn the heading by an angle after which it is known to a few degrees, uncorrelated with everything else."""
+    turn_about_down(x, angle_rad)
+    reset_axis(P, ATT + 2, HEADING_SIGMA_RAD**2)

@@ -10,13 +10,13 @@ A = R_nb·dt [Solà 2017, eq. 268-269 with the attitude error taken in the local
 
 F is mostly zeros and ones, so F P is formed row by row from the few entries that are neither, then (F P) Fᵀ only for
 the upper triangle. Earth and transport rate are in the nominal state; in F they would add 7e-5 rad/s × dt, which is
-below the noise densities of any MEMS gyro. Run `python -m server.nav.ekf.derivation` to rewrite `covariance.py`;
+below the noise densities of any MEMS gyro. Run `python -m server.nav.ekf.derivation > covariance.py`;
 a test compares it with dense algebra and with this generator's output.
 """
 
 from __future__ import annotations
 
-from pathlib import Path
+import sys
 from typing import Final
 
 from server.nav.ekf.states import ACCEL_BIAS, ATT, DECLINATION, GYRO_BIAS, PACKED, POS, VEL, N
@@ -97,4 +97,4 @@ def source() -> str:
 
 
 if __name__ == "__main__":
-    Path(__file__).with_name("covariance.py").write_text(source(), encoding="utf-8")
+    sys.stdout.write(source())

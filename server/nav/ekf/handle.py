@@ -20,12 +20,13 @@ from server.nav.codes import (
     ZERO_VELOCITY,
 )
 from server.nav.ekf.aiding import baro, gnss, mag, still
+from server.nav.ekf.aiding.first_heading import course_heading, late_heading, tells_heading
+from server.nav.ekf.events import add_event
 from server.nav.ekf.layout import (
     A_T_GNSS,
     A_T_REFUSED,
     C_AIDS,
     C_BARO_SEEN,
-    C_EVENTS,
     C_HAS_HEADING,
     C_HAS_SITE,
     C_POSITIONED,
@@ -60,15 +61,6 @@ baro_height, mag_heading = baro.height, mag.heading
 zero_velocity, zero_rate, gravity = still.zero_velocity, still.zero_rate, still.gravity
 
 
-@njit("void(float64[:, ::1], int64[::1], float64, float64, float64, float64)", cache=True)
-def add_event(events: Float, ctl: Int, code: float, t_ns: float, first: float, second: float) -> None:
-    """Append one event row; past the table's end events are lost, the state is not."""
-    k = ctl[C_EVENTS]
-    if k < events.shape[0]:
-        events[k, 0], events[k, 1], events[k, 2], events[k, 3] = code, t_ns, first, second
-        ctl[C_EVENTS] += 1
-
-
 @njit("void(float64, float64, float64, float64, float64[::1], int64[::1], float64[:, ::1], float64[::1])", cache=True)
 def record(aid: float, status: float, t_valid: float, t_ns: float, work: Float, ctl: Int, out: Float, t: Float) -> None:
     """Append one aid row from work[W_OBS:W_RATIO + 1]."""
@@ -99,7 +91,7 @@ def _wants_reset(h: Float, aux: Float, ctl: Int) -> bool:
     if h[H_STATUS] != UNDECIDED:
         return False
     if not ctl[C_POSITIONED]:
-        return bool(ctl[C_HAS_SITE]) and h[H_ACC] <= WORST_START_M
+        return bool(ctl[C_HAS_SITE] and ctl[C_HAS_HEADING] and h[H_ACC] <= WORST_START_M)
     return bool(ctl[C_REFUSED_RUN] >= REACCEPT_FIXES and (h[H_T] - aux[A_T_REFUSED]) * 1e-9 > REACCEPT_S)
 
 
@@ -177,12 +169,16 @@ def handle(
     if aid == GNSS_POSITION:
         _position(h, x, P, u, par, aux, ctl, work, events)
     elif aid == MAG_FIELD:
-        if ctl[C_HAS_HEADING]:
+        if ctl[C_HAS_HEADING] and h[H_STATUS] != RESET:
             mag_heading(h, x, P, u, par, aux, ctl, work)
+        else:
+            late_heading(h, x, P, u, aux, ctl, work, events)
     elif aid == ZERO_RATE:
         zero_rate(h, x, P, u, par, aux, ctl, work)
     elif aid == GRAVITY:
         gravity(h, x, P, u, par, aux, ctl, work)
+    elif aid == GNSS_VELOCITY and (h[H_STATUS] == RESET or tells_heading(h, par, ctl)):
+        course_heading(h, x, P, ctl, events)
     elif not ctl[C_POSITIONED]:
         h[H_STATUS] = REFUSED_NOT_READY
     elif aid == GNSS_VELOCITY:

@@ -32,6 +32,7 @@ from server.nav.ekf.layout import (
     A_SPEED_GNSS,
     A_T_GNSS_SEEN,
     A_T_MAG,
+    C_ALIGN_STEPS,
     C_MAG_SEEN,
     C_MODE,
     H_ACC,
@@ -167,6 +168,8 @@ def take(
     if kind == MAG and status == FUSED:
         ctl[C_MAG_SEEN] = 1
         if ctl[C_MODE] == ALIGNING:
+            if ctl[C_ALIGN_STEPS] == 0:  # moving: only the newest sample has anything to do with the attitude
+                aux[A_MAG_SUM] = aux[A_MAG_SUM + 1] = aux[A_MAG_SUM + 2] = aux[A_MAG_WEIGHT] = 0.0
             for i in range(3):
                 aux[A_MAG_SUM + i] += m[M_DATA + i]
             aux[A_MAG_WEIGHT] += 1.0

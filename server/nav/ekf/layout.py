@@ -144,6 +144,8 @@ E_GNSS_BACK: Final = 4  # outage s, innovation m
 E_YAW_RESET: Final = 5  # rad
 E_FAILED: Final = 6
 E_GAP: Final = 7  # s
+E_HEADING: Final = 8  # rad
+E_COURSE: Final = 9  # rad
 E_SIZE: Final = 4
 
 SLOT_MEASUREMENTS: Final = 16

@@ -9,7 +9,7 @@ from numba import njit
 
 from server.nav.codes import ALIGNING, ATTITUDE, DEAD_RECKONING, FAILED, NAVIGATING
 from server.nav.ekf.align import align, restart
-from server.nav.ekf.handle import add_event
+from server.nav.ekf.events import add_event
 from server.nav.ekf.history import push, rerun
 from server.nav.ekf.intake import take
 from server.nav.ekf.layout import (

@@ -53,6 +53,13 @@ EVENT_TEXTS: Final[dict[int, tuple[str, str, str, tuple[str, str]]]] = {
         ("outage_s", "horizontal_m"),
     ),
     at.E_YAW_RESET: ("yaw-reset", "info", "Heading turned by {0:.3f} rad: declination is known now.", ("yaw_rad", "")),
+    at.E_HEADING: (
+        "heading-found",
+        "info",
+        "Heading found from the magnetometer, turned by {0:.2f} rad.",
+        ("yaw_rad", ""),
+    ),
+    at.E_COURSE: ("heading-from-course", "info", "Heading taken from the GNSS course: {0:+.2f} rad.", ("yaw_rad", "")),
     at.E_FAILED: ("filter-failed", "warning", "The filter lost its numbers and starts again; report this.", ("", "")),
     at.E_GAP: (
         "imu-gap",

@@ -13,8 +13,8 @@ Function = TypeVar("Function", bound=Callable[..., object])
 def kernel(signature: str) -> Callable[[Function], Function]:
     """Compile with an explicit signature, kept in the cache, without counting references to arrays.
 
-    Numba counts them atomically in every call that passes an array, which here cost eight times the work itself
-    (340 against 40 ns a frame). Without the count a kernel cannot allocate, and is refused if it tries: the rule anyway.
+    Numba counts them atomically in every call that passes an array, which here cost eight times the work itself (340
+    against 40 ns a frame). Without the count a kernel cannot allocate, and is refused if it tries: the rule anyway.
     """
     options: dict[str, Any] = {"cache": True, "_nrt": False}
     return cast("Callable[[Function], Function]", njit(signature, **options))

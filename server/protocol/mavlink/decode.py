@@ -157,7 +157,7 @@ def decode(
         messages: frames of the board, or of anyone before it is chosen, by index of the message table; added to.
         ints: the state, `layout`.
         values: the state, `layout`.
-        heads: output, shape (≥ ROWS_PER_FRAME * count, HEAD_WIDTH), kind, stamp and boot of each row.
+        heads: output, shape (HEADS, ≥ ROWS_PER_FRAME * count), kind, stamp and boot of each row.
         rows: output, shape (≥ ROWS_PER_FRAME * count, ROW_WIDTH); `ints[S_ROWS]` of them are written.
         for_python: output, frames with messages that are left to Python; `ints[S_PY]` of them.
         p: scratch, PAYLOAD_BYTES.

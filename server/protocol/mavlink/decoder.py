@@ -8,7 +8,7 @@ from typing import Final
 import numpy as np
 from numpy.typing import NDArray
 
-from server.nav.types import ROW_WIDTH, SampleBlock
+from server.nav.types import ROW_WIDTH, Byte, Float, Int, SampleBlock
 from server.protocol.base import SenderStats
 from server.protocol.mavlink.decode import PAYLOAD_BYTES, ROWS_PER_FRAME, decode
 from server.protocol.mavlink.layout import (
@@ -26,12 +26,15 @@ from server.protocol.mavlink.layout import (
     V_SIZE,
 )
 from server.protocol.mavlink.rates import MessageRates
-from server.protocol.mavlink.rows import H_BOOT, H_KIND, H_T, HEAD_WIDTH, forget_boot
+from server.protocol.mavlink.rows import H_BOOT, H_KIND, H_T, HEADS, forget_boot
 from server.protocol.mavlink.scanner import F_ID, F_OFFSET, F_VERSION, FrameScanner
 from server.protocol.mavlink.senders import N_FRAMES, N_LOST, N_SEQ, SENDER_WIDTH, SENDERS
 
 CAPACITY: Final = 1024
 """Frames per compiled call: more than any live chunk holds; a replay's big chunks take several calls."""
+
+Part = tuple[Byte, Int, int | Int, Float]
+"""Kinds, stamps, boot_id (one, or per row when it changes) and values of the rows of one compiled call."""
 
 
 class MavlinkDecoder:
@@ -50,7 +53,7 @@ class MavlinkDecoder:
         forget_boot(self.ints, self._values)
         self._senders = np.zeros((SENDERS, SENDER_WIDTH), np.int64)
         self._senders[:, N_SEQ] = NONE
-        self._heads = np.zeros((CAPACITY * ROWS_PER_FRAME, HEAD_WIDTH), np.int64)
+        self._heads = np.zeros((HEADS, CAPACITY * ROWS_PER_FRAME), np.int64)
         self._rows = np.zeros((CAPACITY * ROWS_PER_FRAME, ROW_WIDTH))
         self._for_python = np.zeros(CAPACITY, np.int64)
         self._payload = np.zeros(PAYLOAD_BYTES, np.uint8)
@@ -58,7 +61,7 @@ class MavlinkDecoder:
     def feed(self, data: bytes, t_rx_ns: int) -> tuple[tuple[SampleBlock, ...], list[tuple[int, bytes]]]:
         """Take bytes; return the blocks and the (id, payload) of messages that are not samples."""
         scanner, ints = self.scanner, self.ints
-        parts: list[tuple[NDArray[np.int64], NDArray[np.float64]]] = []
+        parts: list[Part] = []
         others: list[tuple[int, bytes]] = []
         scanner.push(data)
         while True:
@@ -70,11 +73,17 @@ class MavlinkDecoder:
                     self._heads, self._rows, self._for_python, self._payload,
                 )  # fmt: skip
                 if n := int(ints[S_ROWS]):
-                    parts.append((self._heads[:n].copy(), self._rows[:n].copy()))
+                    parts.append(self._part(n))
                 if n := int(ints[S_PY]):
                     others.extend(self._other(frames[k]) for k in self._for_python[:n])
             if count < CAPACITY:
                 return blocks_of(parts, t_rx_ns), others
+
+    def _part(self, count: int) -> Part:
+        heads = self._heads
+        first, last = int(heads[H_BOOT, 0]), int(heads[H_BOOT, count - 1])
+        boots = first if first == last else heads[H_BOOT, :count].copy()
+        return heads[H_KIND, :count].astype(np.uint8), heads[H_T, :count].copy(), boots, self._rows[:count].copy()
 
     def _other(self, frame: NDArray[np.int64]) -> tuple[int, bytes]:
         offset = int(frame[F_OFFSET])
@@ -111,23 +120,20 @@ def _start_lock(ints: NDArray[np.int64], system: int | None, component: int | No
         ints[S_SYSTEM], ints[S_COMPONENT] = system, component
 
 
-def blocks_of(parts: list[tuple[NDArray[np.int64], NDArray[np.float64]]], t_rx_ns: int) -> tuple[SampleBlock, ...]:
+def blocks_of(parts: list[Part], t_rx_ns: int) -> tuple[SampleBlock, ...]:
     """Return one block per boot_id."""
     if not parts:
         return ()
-    heads, rows = parts[0] if len(parts) == 1 else (np.concatenate(item) for item in zip(*parts, strict=True))
-    boots = heads[:, H_BOOT]
-    if boots[0] == boots[-1]:
-        return (_block(heads, rows, t_rx_ns),)
+    kind, t_ns, boot, data = parts[0]
+    if len(parts) == 1 and isinstance(boot, int):
+        return (_block(kind, t_ns, boot, data, t_rx_ns),)
+    kind, t_ns, data = (np.concatenate([part[k] for part in parts]) for k in (0, 1, 3))
+    boots = np.concatenate([np.broadcast_to(part[2], len(part[0])) for part in parts])
     cuts = [0, *(np.flatnonzero(np.diff(boots)) + 1).tolist(), len(boots)]
-    return tuple(_block(heads[a:b], rows[a:b], t_rx_ns) for a, b in pairwise(cuts))
+    return tuple(_block(kind[a:b], t_ns[a:b], int(boots[a]), data[a:b], t_rx_ns) for a, b in pairwise(cuts))
 
 
-def _block(heads: NDArray[np.int64], rows: NDArray[np.float64], t_rx_ns: int) -> SampleBlock:
-    return SampleBlock(
-        kind=heads[:, H_KIND].astype(np.uint8),
-        t_ns=heads[:, H_T].copy(),
-        t_rx_ns=np.full(len(heads), t_rx_ns, np.int64),
-        data=rows,
-        boot_id=int(heads[0, H_BOOT]),
-    )
+def _block(kind: Byte, t_ns: Int, boot_id: int, data: Float, t_rx_ns: int) -> SampleBlock:
+    arrival = np.empty(len(kind), np.int64)
+    arrival.fill(t_rx_ns)
+    return SampleBlock(kind=kind, t_ns=t_ns, t_rx_ns=arrival, data=data, boot_id=boot_id)

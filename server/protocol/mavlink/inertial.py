@@ -1,7 +1,7 @@
 """Compiled decoding of what the inertial unit, magnetometer, barometer and pressure tube say.
 
-`p` is always the payload, zero-padded to the full length, and `f` the same bytes as float32: fields of the base definition
-are aligned to their size.
+`p` is always the payload, zero-padded to the full length, and `f` the same bytes as float32: fields of the base
+definition are aligned to their size.
 """
 
 from __future__ import annotations
@@ -45,7 +45,8 @@ CENTI: Final = 0.01
 
 
 @kernel(
-    "void(int64[::1], int64[:,::1], float64[:,::1], int64, float64, float64, float64, float64, float64, float64, float64)",
+    "void(int64[::1], int64[:,::1], float64[:,::1], int64, "
+    "float64, float64, float64, float64, float64, float64, float64)",
 )
 def imu_row(
     ints: NDArray[np.int64],

@@ -6,7 +6,6 @@ import struct
 from typing import Final
 
 from server.protocol.base import Decoded, ProtocolStats
-from server.protocol.detect import TAIL_BYTES, detect
 from server.protocol.mavlink.board_name import board_name
 from server.protocol.mavlink.clock import ClockEstimator
 from server.protocol.mavlink.decoder import MavlinkDecoder
@@ -73,8 +72,6 @@ class MavlinkProtocol:
         self._requests = StreamRequests(self._encoder, requests_for(bytes_per_s) if bytes_per_s else REQUESTS)
         self._talk = talk
         self._bytes_in = 0
-        self._checked = 0
-        self._unread = b""
         self._boot_id = 0
         self._beat_ns = -1
         self._sync_ns = -1
@@ -88,7 +85,6 @@ class MavlinkProtocol:
         if self._decoder.boot_id != self._boot_id:
             self._rebooted()
         t_ns = int(self._decoder.ints[S_T_LAST])
-        self._keep_unread(data)
         if blocks:
             self._clock.add(t_ns, t_rx_ns)
             self._decoder.rates.update(t_ns)
@@ -118,7 +114,6 @@ class MavlinkProtocol:
         self._requests.restart()
         self._beat_ns = -1
         self._replies.clear()
-        self._unread = b""
 
     @property
     def stats(self) -> ProtocolStats:
@@ -133,7 +128,7 @@ class MavlinkProtocol:
             bytes_frames=int(counters[C_FRAME_BYTES]),
             bytes_junk=int(counters[C_JUNK_BYTES]),
             bytes_pending=decoder.scanner.pending,
-            frames=int(counters[C_TOTAL_FRAMES]),
+            frames=int(counters[C_TOTAL_FRAMES] - counters[C_UNKNOWN]),
             crc_errors=int(counters[C_CRC_ERRORS]),
             unknown_messages=int(counters[C_UNKNOWN]),
             filtered_frames=int(ints[S_FILTERED]),
@@ -149,17 +144,8 @@ class MavlinkProtocol:
             **self._trouble(),
         )
 
-    def _keep_unread(self, data: bytes) -> None:
-        """Keep the newest bytes since the last checked frame: an unknown id proves nothing."""
-        counters = self._decoder.scanner.counters
-        checked = int(counters[C_TOTAL_FRAMES] - counters[C_UNKNOWN])
-        self._unread = (self._unread + data)[-TAIL_BYTES:] if checked == self._checked else b""
-        self._checked = checked
-
     def _trouble(self) -> dict[str, str]:
-        """What is wrong, as fields of the stats: bytes that are no MAVLink before requests without success."""
-        if (found := detect(self._unread)) is not None:
-            return {"code": found.code, "foreign": found.protocol, "cause": found.cause, "remedy": found.remedy}
+        """What is wrong with the requests, as fields of the stats."""
         if not self._talk or not (code := self._requests.code):
             return {}
         cause, remedy = TROUBLES[code]

@@ -6,6 +6,7 @@ a board that answers no command at all, or does not know it, is asked the old wa
 
 from __future__ import annotations
 
+import math
 from dataclasses import dataclass, replace
 from typing import Final
 
@@ -15,28 +16,45 @@ from server.protocol.mavlink.encode import Encoder
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class Request:
-    """One message and the intervals to ask for, quickest first; `frame_bytes` counts header and check sum."""
+    """One message to ask for.
+
+    Attributes:
+        intervals_us: the ladder, quickest first.
+        slowest_us: on a slow link the first step is slowed down to this at most; 0 = it is left out there.
+        frame_bytes: of a full frame, header and check sum included.
+    """
 
     name: str
     message_id: int
     intervals_us: tuple[int, ...]
+    slowest_us: int
     frame_bytes: int
 
 
-REQUESTS: Final = (
+def _request(name: str, message_id: int, intervals_ms: tuple[int, ...], slowest_ms: int, frame_bytes: int) -> Request:
+    return Request(
+        name=name,
+        message_id=message_id,
+        intervals_us=tuple(1000 * item for item in intervals_ms),
+        slowest_us=1000 * slowest_ms,
+        frame_bytes=frame_bytes,
+    )
+
+
+REQUESTS: Final[tuple[Request, ...]] = (
     # ArduPilot refuses intervals under 3 ms; the ladder ends where an attitude filter stops being useful.
-    Request(name="HIGHRES_IMU", message_id=105, intervals_us=(3_000, 5_000, 10_000, 20_000), frame_bytes=74),
+    _request("HIGHRES_IMU", 105, (3, 5, 10, 20), 50, 74),
     # The board's own attitude, for the lane `onboard`, and the stamp of SIM_STATE.
-    Request(name="ATTITUDE_QUATERNION", message_id=31, intervals_us=(10_000, 20_000, 50_000, 100_000), frame_bytes=44),
-    # Twice the rate of the receiver: a new fix is seen at most 100 ms late.
-    Request(name="GPS_RAW_INT", message_id=24, intervals_us=(100_000, 200_000, 500_000, 1_000_000), frame_bytes=64),
-    Request(name="GLOBAL_POSITION_INT", message_id=33, intervals_us=(20_000, 100_000, 200_000), frame_bytes=40),
-    # Differential pressure, and baro where HIGHRES_IMU is refused; sensors change at 10 Hz.
-    Request(name="SCALED_PRESSURE", message_id=29, intervals_us=(50_000, 100_000, 200_000), frame_bytes=28),
-    # The truth of a simulated board; a real one refuses it, which is no fault.
-    Request(name="SIM_STATE", message_id=108, intervals_us=(10_000, 20_000, 100_000), frame_bytes=104),
-    Request(name="SYSTEM_TIME", message_id=2, intervals_us=(1_000_000,), frame_bytes=24),
-    Request(name="SYS_STATUS", message_id=1, intervals_us=(1_000_000,), frame_bytes=43),
+    _request("ATTITUDE_QUATERNION", 31, (10, 20, 50, 100), 200, 44),
+    # Twice the rate of the receiver, so that a new fix is seen at most 100 ms late; never slower than a receiver.
+    _request("GPS_RAW_INT", 24, (100, 200, 500, 1000), 200, 64),
+    _request("GLOBAL_POSITION_INT", 33, (20, 100, 200), 1000, 40),
+    # Differential pressure, and baro where HIGHRES_IMU is refused; the sensors change at 10 Hz.
+    _request("SCALED_PRESSURE", 29, (50, 100, 200), 500, 28),
+    # The truth of a simulated board; a real one refuses it, which is no fault, and slow links are real.
+    _request("SIM_STATE", 108, (10, 20, 100), 0, 104),
+    _request("SYSTEM_TIME", 2, (1000,), 5000, 24),
+    _request("SYS_STATUS", 1, (1000,), 2000, 43),
 )
 
 DATA_STREAMS: Final = ((1, 50), (10, 50), (6, 10), (2, 2), (12, 2))
@@ -44,7 +62,7 @@ DATA_STREAMS: Final = ((1, 50), (10, 50), (6, 10), (2, 2), (12, 2))
 
 TROUBLES: Final = {
     "interval-refused": (
-        "The board refuses every rate of HIGHRES_IMU that was asked for; it was asked the old way for groups of messages.",
+        "The board refuses every rate of HIGHRES_IMU; it was asked the old way, for groups of messages.",
         "Nothing to do if IMU data arrive. Otherwise set the stream rates on the board (ArduPilot: SRn_RAW_SENS = 50).",
     ),
     "interval-unanswered": (
@@ -64,21 +82,29 @@ MISSING_AFTER_NS: Final = 5_000_000_000
 LINK_SHARE: Final = 0.7
 """Part of a link's capacity that the requests may fill; the rest is for what the board sends on its own."""
 
+MAX_SLOWDOWN: Final = 100.0
+
 ACCEPTED, TEMPORARILY_REJECTED, UNSUPPORTED, IN_PROGRESS = 0, 1, 3, 5
 
 
+def needed_bytes_per_s(requests: tuple[Request, ...]) -> float:
+    """Return what the first steps of these requests fill."""
+    return sum(item.frame_bytes * 1e6 / item.intervals_us[0] for item in requests)
+
+
 def requests_for(bytes_per_s: float) -> tuple[Request, ...]:
-    """Return `REQUESTS` slowed down so that they fit a link, each by the same factor and to whole milliseconds."""
-    needed = sum(item.frame_bytes * 1e6 / item.intervals_us[0] for item in REQUESTS)
-    factor = needed / (LINK_SHARE * bytes_per_s)
-    if factor <= 1.0:
-        return REQUESTS
-    return tuple(replace(item, intervals_us=_slower(item.intervals_us, factor)) for item in REQUESTS)
+    """Return `REQUESTS`, slowed down together, each to its own limit, until they fit a link of this capacity."""
+    slower, factor = REQUESTS, 1.0
+    while needed_bytes_per_s(slower) > LINK_SHARE * bytes_per_s and factor < MAX_SLOWDOWN:
+        factor *= 1.1
+        slower = tuple(_slower(item, factor) for item in REQUESTS if item.slowest_us)
+    return slower
 
 
-def _slower(intervals_us: tuple[int, ...], factor: float) -> tuple[int, ...]:
-    first = -int(-intervals_us[0] * factor // 1000) * 1000
-    return (first, *(value for value in intervals_us[1:] if value > first))
+def _slower(item: Request, factor: float) -> Request:
+    whole_ms = math.ceil(item.intervals_us[0] * factor / 1000) * 1000
+    first = min(whole_ms, item.slowest_us)
+    return replace(item, intervals_us=(first, *(value for value in item.intervals_us[1:] if value > first)))
 
 
 class StreamRequests:
@@ -88,7 +114,7 @@ class StreamRequests:
         self._encoder = encoder
         self._requests = requests
         self.code = ""
-        """Key of `TROUBLES`, "" = as asked: what the board did with the first request, the IMU; kept while asking again."""
+        """Key of `TROUBLES`, "" = as asked: what became of the first request, the IMU; kept while asking again."""
         self.restart()
 
     def restart(self) -> None:

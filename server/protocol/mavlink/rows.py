@@ -25,11 +25,11 @@ from server.protocol.mavlink.layout import (
     S_TYPE,
 )
 
-# Columns of the row heads (int64).
+# Rows of the heads (int64), one column per sample row.
 H_KIND: Final = 0
 H_T: Final = 1
 H_BOOT: Final = 2
-HEAD_WIDTH: Final = 3
+HEADS: Final = 3
 
 # How long lesser sources wait for a better one after the first stamp of a power-up, and how long the better one may be
 # silent before they take over: in board time, so that it depends on the bytes only.
@@ -81,9 +81,9 @@ def add_plain(
     """Append a row of NaN and return its index."""
     k = ints[S_ROWS]
     ints[S_ROWS] = k + 1
-    heads[k, H_KIND] = kind
-    heads[k, H_T] = t_ns
-    heads[k, H_BOOT] = ints[S_BOOT]
+    heads[H_KIND, k] = kind
+    heads[H_T, k] = t_ns
+    heads[H_BOOT, k] = ints[S_BOOT]
     rows[k, :] = np.nan
     return int(k)
 

@@ -1,0 +1,90 @@
+"""What the 3D view needs of a board, and one lane's state as the scene wants it."""
+
+from __future__ import annotations
+
+import math
+from collections.abc import Sequence
+from dataclasses import dataclass
+from typing import Final, Protocol
+
+from server.hub import Hub
+from server.nav.types import LANE_COLUMNS, Float, Snapshot
+
+Vec3 = tuple[float, float, float]
+Quat = tuple[float, float, float, float]
+
+MAIN_LANE: Final = "ins_ekf"
+PASS_THROUGH: Final = frozenset({"onboard", "reference"})
+"""Lanes that estimate nothing; shown, but never the one the vehicle follows while there is another."""
+
+IDENTITY: Final[Quat] = (1.0, 0.0, 0.0, 0.0)
+ORIGIN: Final[Vec3] = (0.0, 0.0, 0.0)
+_Q = LANE_COLUMNS.index("q_w")
+_VEL = LANE_COLUMNS.index("vel_n_m_s")
+_SIGMA_ATT = LANE_COLUMNS.index("sigma_att_x_rad")
+_SIGMA_POS = LANE_COLUMNS.index("sigma_pos_n_m")
+_POS = LANE_COLUMNS.index("pos_n_m")
+
+
+class BoardFeed(Protocol):
+    """The part of a board that the 3D view reads."""
+
+    @property
+    def id(self) -> str:
+        """Stable key of the board, as in URLs."""
+        ...
+
+    @property
+    def hub(self) -> Hub:
+        """The board's topics; `results` is subscribed to only while somebody looks."""
+        ...
+
+    def snapshot(self) -> Snapshot | None:
+        """The newest state of every lane; None before the first."""
+        ...
+
+
+@dataclass(frozen=True, slots=True, kw_only=True)
+class Pose:
+    """State of one lane, unknown values NaN.
+
+    Attributes:
+        q_nb: body to NED; the identity while unknown.
+        pos_n_m: NED from the site; the origin while unknown.
+        sigma_att_rad: 1 σ of the error rotation vector in NED; z is heading.
+        sigma_pos_n_m: 1 σ along north, east, down.
+        known: whether position is known.
+    """
+
+    q_nb: Quat
+    pos_n_m: Vec3
+    speed_m_s: float
+    sigma_att_rad: Vec3
+    sigma_pos_n_m: Vec3
+    known: bool
+
+
+def pose_from_row(row: Float) -> Pose:
+    """Return the pose in one row of `LANE_COLUMNS`, shape (len(LANE_COLUMNS),)."""
+    values: list[float] = row.tolist()
+    q_nb, pos_n_m = tuple(values[_Q : _Q + 4]), _vec3(values, _POS)
+    known = all(map(math.isfinite, pos_n_m))
+    return Pose(
+        q_nb=(q_nb[0], q_nb[1], q_nb[2], q_nb[3]) if all(map(math.isfinite, q_nb)) else IDENTITY,
+        pos_n_m=pos_n_m if known else ORIGIN,
+        speed_m_s=math.hypot(*_vec3(values, _VEL)),
+        sigma_att_rad=_vec3(values, _SIGMA_ATT),
+        sigma_pos_n_m=_vec3(values, _SIGMA_POS),
+        known=known,
+    )
+
+
+def _vec3(values: list[float], start: int) -> Vec3:
+    return values[start], values[start + 1], values[start + 2]
+
+
+def main_lane(lanes: Sequence[str]) -> str | None:
+    """Return the lane that the vehicle shows: `ins_ekf`, else the first estimator, else what there is."""
+    if MAIN_LANE in lanes:
+        return MAIN_LANE
+    return next((lane for lane in lanes if lane not in PASS_THROUGH), lanes[0] if lanes else None)

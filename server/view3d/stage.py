@@ -1,0 +1,114 @@
+"""One board that somebody looks at: reads its hub at the frame rate and shows its viewers the newest state only."""
+
+from __future__ import annotations
+
+import asyncio
+import math
+from typing import Final
+
+import numpy as np
+
+from server.hub import Subscription
+from server.nav.types import SAMPLE_COLUMNS, Kind, StepResult, VehicleClass
+from server.view3d.feed import BoardFeed, Pose, Vec3, main_lane, pose_from_row
+from server.view3d.trail import Track
+from server.view3d.viewer import Viewer
+
+FRAME_HZ: Final = 25.0
+"""Half the default navigation rate, so that frames are evenly spaced: 30 Hz would beat against 50 Hz and judder."""
+
+FRAMES_PER_SURVEY: Final = 5
+MAX_RESULTS: Final = 64  # a board in a burst loses its oldest; only the newest pose is shown anyway
+_H_ACC: Final = SAMPLE_COLUMNS[Kind.GNSS].index("h_acc_m")
+_CLASS: Final = SAMPLE_COLUMNS[Kind.PROFILE].index("vehicle_class")
+
+
+class Stage:
+    """Runs from the first viewer's arrival until the last has left; then nothing of it remains but the track."""
+
+    def __init__(self, board: BoardFeed, track: Track, kind: VehicleClass) -> None:
+        self.board = board
+        self.track = track
+        self._given = kind
+        self.viewers: set[Viewer] = set()
+        self._results: Subscription[StepResult] | None = None
+        self._main: str | None = None
+        self._h_acc_m = math.nan
+
+    @property
+    def kind(self) -> VehicleClass:
+        """Class of vehicle to draw: the settings' word, else the board's own."""
+        return self._given or self.track.kind
+
+    async def run(self) -> None:
+        """Show frames until cancelled; subscribed only while a viewer is active."""
+        loop = asyncio.get_running_loop()
+        due_s, count = loop.time(), 0
+        try:
+            while True:
+                due_s = max(due_s + 1.0 / FRAME_HZ, loop.time())
+                await asyncio.sleep(due_s - loop.time())
+                self._attend(count % FRAMES_PER_SURVEY == 0)
+                count += 1
+        finally:
+            self._leave()
+
+    def _attend(self, survey: bool) -> None:
+        active = [viewer for viewer in self.viewers if viewer.active]
+        if not active:
+            self._leave()
+            return
+        if self._results is None:
+            self._results = self.board.hub.results.subscribe(MAX_RESULTS)
+            for viewer in active:
+                self.welcome(viewer)
+        self._show(active, self._results.drain())
+        for viewer in active if survey else ():
+            viewer.draw_as(self.kind)
+            viewer.survey(self.track, self._main, self._newest_fix(), self._h_acc_m)
+
+    def _show(self, active: list[Viewer], results: list[StepResult]) -> None:
+        for result in results:
+            self._note(result)
+        pose = self._newest(results)
+        if pose is not None:
+            for viewer in active:
+                viewer.frame(pose, 1.0 / FRAME_HZ)
+
+    def _newest(self, results: list[StepResult]) -> Pose | None:
+        self._main = main_lane(list(self.track.lanes)) or self._main
+        for result in reversed(results):
+            names = [rows.lane for rows in result.lanes if len(rows.t_ns)]
+            lane = self._main or main_lane(names)
+            if lane in names:
+                return pose_from_row(next(rows.data[-1] for rows in result.lanes if rows.lane == lane))
+        return None
+
+    def _newest_fix(self) -> Vec3 | None:
+        fixes = self.track.fixes
+        if not fixes.count:
+            return None
+        n, e, d = fixes.points[-1, :3].tolist()
+        return n, e, d
+
+    def _note(self, result: StepResult) -> None:
+        block = result.block
+        kinds = block.kind
+        gnss = np.flatnonzero(kinds == Kind.GNSS)
+        if gnss.size:
+            self._h_acc_m = float(block.data[gnss[-1], _H_ACC])
+        profile = np.flatnonzero(kinds == Kind.PROFILE)
+        if profile.size and block.data[profile[-1], _CLASS] in iter(VehicleClass):
+            self.track.kind = VehicleClass(int(block.data[profile[-1], _CLASS]))
+
+    def welcome(self, viewer: Viewer) -> None:
+        """Show a viewer what is known, without waiting for the next sample."""
+        self._main = main_lane(list(self.track.lanes)) or self._main
+        pose = self.track.poses.get(self._main or "")
+        if pose is not None:
+            viewer.frame(pose, 0.0)
+
+    def _leave(self) -> None:
+        if self._results is not None:
+            self._results.close()
+            self._results = None
