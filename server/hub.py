@@ -5,10 +5,11 @@ from __future__ import annotations
 import asyncio
 from collections import deque
 from collections.abc import AsyncIterator
-from typing import Generic, TypeVar
+from dataclasses import dataclass
+from typing import Generic, Literal, TypeVar
 
 from server.link.base import Chunk
-from server.nav.types import StepResult
+from server.nav.types import Event, StepResult
 
 T = TypeVar("T")
 
@@ -77,9 +78,20 @@ class Topic(Generic[T]):
         self._readers.discard(reader)
 
 
+@dataclass(frozen=True, slots=True, kw_only=True)
+class EventRecord:
+    """An event of the engine, the board, the link or the server, with the order and host time of its arrival."""
+
+    seq: int
+    t_host_ns: int
+    source: Literal["engine", "board", "link", "server"]
+    event: Event
+
+
 class Hub:
     """The topics of one board."""
 
     def __init__(self) -> None:
         self.chunks: Topic[Chunk] = Topic()  # before decoding, so that a recording holds the damage too
         self.results: Topic[StepResult] = Topic()
+        self.events: Topic[EventRecord] = Topic()

@@ -1,0 +1,96 @@
+"""Boards: list, connect, remove; state, health and history of each."""
+
+from __future__ import annotations
+
+from typing import Annotated, Any
+
+from fastapi import APIRouter, Query, Request, Response
+
+from server.api.context import BoardDep, ContextDep, not_known
+from server.api.errors import error_from_refusal
+from server.commands import AddBoard, ReconnectBoard, Refusal, RemoveBoard
+from server.rows import message, packed
+from server.views import board_out, health_out, nav_out
+from server.wire import BoardIn, BoardOut, BoardsOut, HealthOut, NavOut
+from server.wire_base import Problem
+
+Responses = dict[int | str, dict[str, Any]]
+router = APIRouter(prefix="/api/v1/boards", tags=["boards"])
+NOT_FOUND: Responses = {404: {"model": Problem}}
+ROWS: Responses = {200: {"content": {"application/octet-stream": {"schema": {"type": "string", "format": "binary"}}}}}
+
+
+@router.get("")
+async def list_boards(context: ContextDep) -> BoardsOut:
+    """Return every board in short."""
+    return BoardsOut(boards=tuple(board_out(board.view()) for board in context.boards))
+
+
+@router.post("", status_code=201, responses={409: {"model": Problem}})
+async def add_board(body: BoardIn, context: ContextDep, request: Request, response: Response) -> BoardOut:
+    """Open a link and run a board on it; a link that finds nothing yet is a state of the board, not an error.
+
+    Files may only be named below the data folder, so that this is no way to read others.
+    """
+    reply = await context.boards.add(AddBoard(url=body.url, system=body.system, component=body.component))
+    if isinstance(reply, Refusal):
+        raise error_from_refusal(reply)
+    board = context.boards.get(reply.board_id)
+    if board is None:
+        raise not_known("board", reply.board_id, [])
+    response.headers["location"] = request.url_for("get_board", board_id=board.id).path
+    return board_out(board.view())
+
+
+@router.get("/{board_id}", responses=NOT_FOUND)
+async def get_board(board: BoardDep) -> BoardOut:
+    """Return one board in short."""
+    return board_out(board.view())
+
+
+@router.delete("/{board_id}", status_code=204, responses=NOT_FOUND)
+async def remove_board(board_id: str, context: ContextDep) -> None:
+    """Close the link of a board and forget the board."""
+    reply = await context.boards.remove(RemoveBoard(board_id=board_id))
+    if isinstance(reply, Refusal):
+        raise error_from_refusal(reply)
+
+
+@router.post("/{board_id}/reconnect", status_code=202, responses=NOT_FOUND)
+async def reconnect_board(board_id: str, board: BoardDep, context: ContextDep) -> BoardOut:
+    """Close the link and open it anew; a board that had failed starts afresh."""
+    reply = await context.boards.reconnect(ReconnectBoard(board_id=board_id))
+    if isinstance(reply, Refusal):
+        raise error_from_refusal(reply)
+    return board_out(board.view())
+
+
+@router.get("/{board_id}/nav", responses=NOT_FOUND)
+async def get_nav(board: BoardDep, lane: Annotated[str | None, Query(max_length=80)] = None) -> NavOut:
+    """Return attitude, velocity, position, their uncertainty and the aids of one lane; without `lane` the main one."""
+    view = board.view()
+    if lane is not None and lane not in view.lanes:
+        raise not_known("lane", lane, view.lanes)
+    return nav_out(view, lane or view.lanes[0])
+
+
+@router.get("/{board_id}/health", responses=NOT_FOUND)
+async def get_health(board: BoardDep) -> HealthOut:
+    """Return link, protocol, sensors, aids, lanes, events, and the verdict with causes and remedies."""
+    return health_out(board.view())
+
+
+@router.get("/{board_id}/history", responses=NOT_FOUND | ROWS, response_class=Response)
+async def get_history(
+    board: BoardDep,
+    topic: Annotated[str, Query(max_length=80, description="lanes/ins_ekf, filtered, aids, raw/imu, …")],
+    seconds: Annotated[float, Query(ge=0.1, le=3600.0)] = 600.0,
+) -> Response:
+    """Return the last rows of a binary topic, thinned to 10 Hz, laid out as one message of the stream with id 0."""
+    name = topic.removeprefix(f"boards/{board.id}/")
+    if name not in board.topics:
+        raise not_known("topic", topic, sorted(board.topics))
+    table = board.history.rows(name, seconds)
+    rows, columns = table.data.shape
+    body = message(0, board.history.boot_id, rows, columns, packed(table))
+    return Response(body, media_type="application/octet-stream", headers={"cache-control": "no-store"})

@@ -1,0 +1,226 @@
+"""One flight board: link → protocol → engine → hub. Its task is the only one that touches its engine."""
+
+from __future__ import annotations
+
+import asyncio
+import logging
+import time
+from collections import deque
+from collections.abc import Callable
+from dataclasses import dataclass
+from typing import Final, Literal, Protocol
+
+from server.board_view import BoardStateName, BoardView
+from server.history import History
+from server.hub import EventRecord, Hub
+from server.link.base import Chunk, Link, LinkState
+from server.nav.types import Event, SampleBlock, Snapshot, StepResult
+from server.protocol.base import BoardProtocol
+from server.rows import row_topics
+from server.traffic import Detect, Traffic
+
+log = logging.getLogger("navdeck.board")
+TICK_S: Final = 0.1
+TICKS_PER_READING: Final = 10
+MAX_EVENTS: Final = 200  # the oldest is forgotten
+MAX_LATENCIES: Final = 1000  # the oldest is forgotten
+BREATH_NS: Final = 5_000_000  # how long chunks that are already there may keep the other tasks waiting
+WAITED_NS: Final = 500_000  # a chunk that came later than this after the one before: the others ran in between
+TEXT_SEVERITY: Final = ("warning", "warning", "warning", "warning", "caution", "info", "info", "info")
+LINK_SEVERITY: Final = {LinkState.OPENING: "info", LinkState.OPEN: "info", LinkState.ENDED: "info"}
+
+
+class Engine(Protocol):
+    """What a board needs of `server.nav.engine.NavEngine`."""
+
+    def step(self, block: SampleBlock) -> StepResult:
+        """Take samples; return everything they produced."""
+        ...
+
+    def snapshot(self) -> Snapshot:
+        """Return the newest state of everything."""
+        ...
+
+
+@dataclass(frozen=True, slots=True, kw_only=True)
+class BoardParts:
+    """How to make the parts of a board: a link for every connection, protocol and engine when it starts afresh."""
+
+    link: Callable[[], Link]
+    protocol: Callable[[], BoardProtocol]
+    engine: Callable[[], Engine]
+    detect: Detect = lambda _data, _url: None
+    observe_latency: Callable[[float], None] = lambda _latency_s: None
+
+
+class Board:
+    """Owns one link, protocol and engine, and drives them until it is cancelled."""
+
+    def __init__(
+        self, board_id: str, url: str, lanes: tuple[str, ...], parts: BoardParts, history_s: float = 600.0
+    ) -> None:
+        self.id = board_id
+        self.url = url
+        self.hub = Hub()
+        self.topics = row_topics(lanes)
+        self.history = History(self.topics, history_s)
+        self._lanes = lanes
+        self._parts = parts
+        self._link = parts.link()
+        self._protocol = parts.protocol()
+        self._engine: Engine | None = None
+        self._traffic = Traffic(url, parts.detect)
+        self._state: BoardStateName = "running"
+        self._cause = self._remedy = ""
+        self._again = asyncio.Event()
+        self._t_ns = self._t_rx_ns = -1
+        self._events: deque[EventRecord] = deque(maxlen=MAX_EVENTS)
+        self._event_count = 0
+        self._latencies_s: deque[float] = deque(maxlen=MAX_LATENCIES)
+        self._link_told: tuple[LinkState, str] = (LinkState.OPENING, "opening")
+        self._breathed_ns = self._busy_ns = 0
+
+    async def run(self) -> None:
+        """Drive the board; a failure is a state of this board and ends nothing else. Ends only by cancellation."""
+        try:
+            while True:
+                await self._run_once()
+                await self._again.wait()
+                self._renew()
+        finally:
+            await self._link.close()
+
+    async def reconnect(self) -> None:
+        """Have the link closed and opened anew; a board that had failed starts afresh."""
+        self._again.set()
+        await self._link.close()
+
+    def snapshot(self) -> Snapshot | None:
+        """Return the newest state of everything; None before the engine exists."""
+        return None if self._engine is None else self._engine.snapshot()
+
+    def view(self) -> BoardView:
+        """Return the board as it is now."""
+        return BoardView(
+            id=self.id,
+            url=self.url,
+            lanes=self._lanes,
+            topics=tuple((name, topic.columns) for name, topic in self.topics.items()),
+            state=self._state,
+            cause=self._cause,
+            remedy=self._remedy,
+            now_ns=time.monotonic_ns(),
+            t_ns=self._t_ns,
+            t_rx_ns=self._t_rx_ns,
+            link=self._traffic.judged(self._link.status),
+            stats=self._protocol.stats,
+            recent=self._traffic.recent,
+            snapshot=self.snapshot(),
+            events=tuple(self._events),
+            latencies_s=tuple(self._latencies_s),
+        )
+
+    async def _run_once(self) -> None:
+        self._state, self._cause, self._remedy = "running", "", ""
+        try:
+            async with asyncio.TaskGroup() as tasks:
+                ticking = tasks.create_task(self._tick_forever())
+                await self._read()
+                ticking.cancel()
+            self._state = "ended"
+        except Exception as error:  # the one place: nothing else may fall with this board
+            await self._fail(error)
+
+    async def _fail(self, error: Exception) -> None:
+        while isinstance(error, ExceptionGroup):
+            error = error.exceptions[0]
+        log.error("board %s failed", self.id, exc_info=error)
+        self._state = "failed"
+        self._cause = f"Its program failed: {type(error).__name__}: {error}"
+        self._remedy = "Reconnect the board; if it fails again, please report this with the log."
+        self._tell("server", "board-failed", "warning", f"{self._cause}. {self._remedy}")
+        await self._link.close()
+
+    def _renew(self) -> None:
+        self._again.clear()
+        self._link = self._parts.link()
+        if self._state == "failed":
+            self._protocol = self._parts.protocol()
+            self._engine = None
+        self._traffic = Traffic(self.url, self._parts.detect)
+
+    async def _read(self) -> None:
+        if self._engine is None:
+            self._engine = self._parts.engine()
+        async for chunk in self._link.chunks():
+            now_ns = time.monotonic_ns()
+            if now_ns - self._busy_ns > WAITED_NS:
+                self._breathed_ns = now_ns
+            self.hub.chunks.publish(chunk)  # before decoding, so that a recording holds the damage too
+            if chunk.new_session:
+                self._protocol.connected(chunk.t_rx_ns)
+            self._feed(chunk, self._engine)
+            await self._breathe()
+        self._look(time.monotonic_ns())
+
+    async def _breathe(self) -> None:
+        """Let the other tasks run when chunks that were there already have kept them waiting."""
+        self._busy_ns = time.monotonic_ns()
+        if self._busy_ns - self._breathed_ns > BREATH_NS:
+            await asyncio.sleep(0)
+            self._breathed_ns = self._busy_ns = time.monotonic_ns()
+
+    def _feed(self, chunk: Chunk, engine: Engine) -> None:
+        self._traffic.keep(chunk.data)
+        decoded = self._protocol.feed(chunk.data, chunk.t_rx_ns)
+        for block in decoded.blocks:
+            self._step(engine, block)
+        for severity, text in decoded.texts:
+            self._tell("board", "board-text", TEXT_SEVERITY[min(severity, 7)], text)
+        if decoded.blocks:
+            latency_s = (time.monotonic_ns() - chunk.t_rx_ns) / 1e9
+            self._latencies_s.append(latency_s)
+            self._parts.observe_latency(latency_s)
+
+    def _step(self, engine: Engine, block: SampleBlock) -> None:
+        result = engine.step(block)
+        if block.t_ns.size:
+            self._t_ns = int(block.t_ns.max())
+            self._t_rx_ns = int(block.t_rx_ns[-1])
+        self.history.add(result)
+        self.hub.results.publish(result)
+        for event in result.events:
+            self._record("engine", event)
+
+    async def _tick_forever(self) -> None:
+        count = 0
+        while True:
+            now_ns = time.monotonic_ns()
+            outgoing = self._protocol.outgoing(now_ns)
+            if outgoing:
+                self._link.write(outgoing)
+            if count % TICKS_PER_READING == 0:
+                self._look(now_ns)
+            count += 1
+            await asyncio.sleep(TICK_S)
+
+    def _look(self, now_ns: int) -> None:
+        """Once a second: read the counters, tell of a changed link, and file away what is pending."""
+        self._traffic.read(now_ns, self._link.status, self._protocol.stats)
+        self.history.flush()
+        status = self._traffic.judged(self._link.status)
+        if (status.state, status.code) != self._link_told:
+            self._link_told = (status.state, status.code)
+            severity = LINK_SEVERITY.get(status.state, "caution")
+            text = " ".join(filter(None, (f"Link {status.url}: {status.state}.", status.cause, status.remedy)))
+            self._tell("link", f"link-{status.state}", severity, text)
+
+    def _tell(self, source: Literal["board", "link", "server"], code: str, severity: str, text: str) -> None:
+        self._record(source, Event(t_ns=self._t_ns, code=code, severity=severity, text=text))
+
+    def _record(self, source: Literal["engine", "board", "link", "server"], event: Event) -> None:
+        self._event_count += 1
+        record = EventRecord(seq=self._event_count, t_host_ns=time.monotonic_ns(), source=source, event=event)
+        self._events.append(record)
+        self.hub.events.publish(record)
+        log.log(logging.INFO if event.severity == "info" else logging.WARNING, "%s: %s", self.id, event.text)

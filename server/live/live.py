@@ -1,0 +1,201 @@
+"""Subscriptions of all clients: which feeds run, who reads them, and the tick that proves the socket alive."""
+
+from __future__ import annotations
+
+import asyncio
+import time
+from collections.abc import Coroutine
+from typing import Any, Final, NamedTuple
+
+from server.board import Board
+from server.boards import Boards
+from server.live.feeds import EventFeed, JsonFeed, Pump, Reader, RowFeed
+from server.live.outbox import Outbox
+from server.problems import problem
+from server.views import board_out, health_out
+from server.wire import BoardsOut
+from server.wire_base import Problem
+from server.wire_stream import StreamErrorOut, SubscribedOut, SubscribeIn, TickOut
+
+TICK_S: Final = 0.8  # a client takes silence of more than a second for a broken socket
+JSON_MAX_HZ: Final = 2.0
+ROWS_DEFAULT_HZ: Final = 10.0
+MAX_CLIENTS: Final = 64
+
+AnyFeed = RowFeed | JsonFeed | EventFeed
+
+
+class Subscribed(NamedTuple):
+    """A client's subscription."""
+
+    feed: AnyFeed
+    board_id: str  # "" for the list of boards
+
+
+class Live:
+    """All clients of the stream; nothing runs for a topic nobody wants."""
+
+    def __init__(self, boards: Boards) -> None:
+        self._boards = boards
+        self._group: asyncio.TaskGroup | None = None
+        self._clients: dict[Outbox, dict[int, Subscribed]] = {}
+        self._json: dict[tuple[str, float], JsonFeed] = {}
+        self._events: dict[str, EventFeed] = {}
+        self._pumps: dict[str, Pump] = {}
+        self._tasks: dict[object, asyncio.Task[None]] = {}
+        self._started_ns = time.monotonic_ns()
+        self.lost_total = 0  # messages lost by clients that are gone
+        self.dropped_total = 0  # clients disconnected because they did not read
+        boards.on_removed.append(self._forget_board)
+
+    def start(self, group: asyncio.TaskGroup) -> None:
+        """Run the feeds in this task group."""
+        self._group = group
+        self._start(self, self._tick_forever())
+
+    def stop(self) -> None:
+        """Cancel every feed; the task group waits for them."""
+        for task in self._tasks.values():
+            task.cancel()
+
+    @property
+    def clients(self) -> int:
+        """How many are connected."""
+        return len(self._clients)
+
+    @property
+    def lost(self) -> int:
+        """Messages lost by slow clients, since the start."""
+        return self.lost_total + sum(outbox.lost for outbox in self._clients)
+
+    def join(self, outbox: Outbox) -> bool:
+        """Take a client in; False when there are too many."""
+        if len(self._clients) >= MAX_CLIENTS:
+            return False
+        self._clients[outbox] = {}
+        return True
+
+    def leave(self, outbox: Outbox) -> None:
+        """Forget a client and stop the feeds only it had."""
+        for stream_id in tuple(self._clients.get(outbox, ())):
+            self.unsubscribe(outbox, stream_id)
+        if self._clients.pop(outbox, None) is not None:
+            self.lost_total += outbox.lost
+
+    def subscribe(self, outbox: Outbox, wish: SubscribeIn) -> SubscribedOut | StreamErrorOut:
+        """Begin a subscription; one with the same id ends. The answer is queued before the first data."""
+        self.unsubscribe(outbox, wish.id)
+        head, _, rest = wish.topic.partition("/")
+        if wish.topic == "boards":
+            return self._join_json(outbox, wish, "")
+        board_id, _, name = rest.partition("/")
+        board = self._boards.get(board_id)
+        if head != "boards" or board is None:
+            return StreamErrorOut(id=wish.id, problem=self._no_topic(wish.topic))
+        if name == "health":
+            return self._join_json(outbox, wish, board.id)
+        if name == "events":
+            return self._join_events(outbox, wish, board)
+        if name in board.topics:
+            return self._join_rows(outbox, wish, board, name)
+        return StreamErrorOut(id=wish.id, problem=self._no_topic(wish.topic))
+
+    def unsubscribe(self, outbox: Outbox, stream_id: int) -> None:
+        """End a subscription; an unknown one is ignored."""
+        subscribed = self._clients.get(outbox, {}).pop(stream_id, None)
+        if subscribed is not None:
+            subscribed.feed.readers.discard((outbox, stream_id))
+            self._sweep(subscribed)
+
+    def _join_json(self, outbox: Outbox, wish: SubscribeIn, board_id: str) -> SubscribedOut:
+        rate_hz = min(wish.rate_hz or JSON_MAX_HZ, JSON_MAX_HZ)
+        answer = SubscribedOut(id=wish.id, topic=wish.topic, columns=None, rate_hz=rate_hz)
+        outbox.reply(answer.model_dump_json())
+        key, reader = (wish.topic, rate_hz), (outbox, wish.id)
+        feed = self._json.get(key)
+        if feed is None:
+            feed = self._json[key] = JsonFeed(self._health_of(board_id) if board_id else self._all_boards, rate_hz)
+            self._enter(feed, reader, board_id)
+            self._start(feed, feed.run())
+        else:
+            self._enter(feed, reader, board_id)
+            feed.greet(reader)
+        return answer
+
+    def _join_events(self, outbox: Outbox, wish: SubscribeIn, board: Board) -> SubscribedOut:
+        answer = SubscribedOut(id=wish.id, topic=wish.topic, columns=None, rate_hz=wish.rate_hz or 0.0)
+        outbox.reply(answer.model_dump_json())
+        if board.id not in self._events:
+            self._events[board.id] = EventFeed(board)
+            self._start(self._events[board.id], self._events[board.id].run())
+        self._enter(self._events[board.id], (outbox, wish.id), board.id)
+        return answer
+
+    def _join_rows(self, outbox: Outbox, wish: SubscribeIn, board: Board, name: str) -> SubscribedOut:
+        rate_hz = wish.rate_hz or ROWS_DEFAULT_HZ
+        answer = SubscribedOut(id=wish.id, topic=wish.topic, columns=board.topics[name].columns, rate_hz=rate_hz)
+        outbox.reply(answer.model_dump_json())
+        if board.id not in self._pumps:
+            self._pumps[board.id] = Pump(board)
+            self._start(self._pumps[board.id], self._pumps[board.id].run())
+        self._enter(self._pumps[board.id].feed(name, rate_hz), (outbox, wish.id), board.id)
+        return answer
+
+    def _enter(self, feed: AnyFeed, reader: Reader, board_id: str) -> None:
+        feed.readers.add(reader)
+        self._clients[reader[0]][reader[1]] = Subscribed(feed, board_id)
+
+    def _sweep(self, subscribed: Subscribed) -> None:
+        """Stop a feed that nobody reads any more, and the pump of a board without feeds."""
+        feed, board_id = subscribed
+        if feed.readers:
+            return
+        if isinstance(feed, RowFeed):
+            pump = self._pumps[board_id]
+            pump.feeds = {key: known for key, known in pump.feeds.items() if known is not feed}
+            if not pump.feeds:
+                self._end(self._pumps.pop(board_id))
+        elif isinstance(feed, JsonFeed):
+            self._json = {key: known for key, known in self._json.items() if known is not feed}
+            self._end(feed)
+        else:
+            self._end(self._events.pop(board_id))
+
+    def _forget_board(self, board_id: str) -> None:
+        """End every subscription to a board that was removed, and say so."""
+        detail, remedy = f"Board {board_id} was removed.", "GET /api/v1/boards lists those that remain."
+        for outbox, subscriptions in self._clients.items():
+            for stream_id in [key for key, subscribed in subscriptions.items() if subscribed.board_id == board_id]:
+                self.unsubscribe(outbox, stream_id)
+                told = StreamErrorOut(id=stream_id, problem=problem(404, "board-removed", detail, remedy))
+                outbox.offer(told.model_dump_json())
+
+    def _all_boards(self) -> str:
+        return BoardsOut(boards=tuple(board_out(board.view()) for board in self._boards)).model_dump_json()
+
+    def _health_of(self, board_id: str) -> Any:  # noqa: ANN401
+        def render() -> str:
+            board = self._boards.get(board_id)
+            return health_out(board.view()).model_dump_json() if board is not None else "null"
+
+        return render
+
+    def _no_topic(self, topic: str) -> Problem:
+        known = ["boards", *(f"boards/{b.id}/{name}" for b in self._boards for name in (*b.topics, "health", "events"))]
+        return problem(404, "no-such-topic", f"There is no topic {topic[:80]!r}.", f"One of: {', '.join(known)}.")
+
+    async def _tick_forever(self) -> None:
+        while True:
+            t_ns = time.monotonic_ns() - self._started_ns
+            for outbox in self._clients:
+                outbox.offer(TickOut(t_ns=t_ns, lost=outbox.lost).model_dump_json())
+            await asyncio.sleep(TICK_S)
+
+    def _start(self, owner: object, work: Coroutine[Any, Any, None]) -> None:
+        if self._group is None:
+            work.close()
+            raise RuntimeError("Live.start was not called")
+        self._tasks[owner] = self._group.create_task(work)
+
+    def _end(self, owner: object) -> None:
+        self._tasks.pop(owner).cancel()
