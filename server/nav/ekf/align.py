@@ -46,9 +46,10 @@ from server.nav.ekf.states import (
     X_DECLINATION,
     X_GYRO_BIAS,
     X_Q,
+    N,
     packed,
 )
-from server.nav.ekf.update import reset_axis
+from server.nav.ekf.update import reset_axis, rotate_tilt
 from server.nav.rotation import matrix_entries, quat_from_rotvec, quat_mul
 from server.nav.types import Float, Int
 
@@ -102,22 +103,23 @@ def restart(aux: Float, ctl: Int) -> None:
     ctl[C_ALIGN_STEPS] = 0
 
 
-@njit("void(float64[::1], float64)", cache=True)
-def turn_about_down(x: Float, angle_rad: float) -> None:
-    """Add an angle to the heading."""
+@njit("void(float64[::1], float64[::1], float64)", cache=True)
+def turn_about_down(x: Float, P: Float, angle_rad: float) -> None:
+    """Add an angle to the heading; the tilt error turns with it (`rotate_tilt`)."""
+    rotate_tilt(P, angle_rad)
     t = quat_from_rotvec(0.0, 0.0, angle_rad)
     q = quat_mul(t[0], t[1], t[2], t[3], x[X_Q], x[X_Q + 1], x[X_Q + 2], x[X_Q + 3])
     x[X_Q], x[X_Q + 1], x[X_Q + 2], x[X_Q + 3] = q
 
 
-@njit("void(float64[::1], float64[::1])", cache=True)
-def _heading_from_field(x: Float, aux: Float) -> None:
+@njit("void(float64[::1], float64[::1], float64[::1])", cache=True)
+def _heading_from_field(x: Float, P: Float, aux: Float) -> None:
     """Turn x about the vertical so that the mean field points to magnetic north, declination added."""
     R = matrix_entries(x[X_Q], x[X_Q + 1], x[X_Q + 2], x[X_Q + 3])
     w = aux[A_MAG_WEIGHT]
     mx, my, mz = aux[A_MAG_SUM] / w, aux[A_MAG_SUM + 1] / w, aux[A_MAG_SUM + 2] / w
     north, east = R[0] * mx + R[1] * my + R[2] * mz, R[3] * mx + R[4] * my + R[5] * mz
-    turn_about_down(x, aux[A_DECLINATION] - math.atan2(east, north))
+    turn_about_down(x, P, aux[A_DECLINATION] - math.atan2(east, north))
 
 
 @njit("void(float64[::1], float64[::1])", cache=True)
@@ -131,6 +133,24 @@ def _field_from_mean(x: Float, aux: Float) -> None:
     aux[A_FIELD_D] = R[6] * mx + R[7] * my + R[8] * mz
 
 
+@njit("void(float64[::1], float64[::1])", cache=True)
+def _couple_heading(P: Float, aux: Float) -> None:
+    """Say that a heading taken from the field carries the tilt's error and the declination's.
+
+    The field points where it must whatever the tilt, so 0 = δθ·(e × m) + B_h δD (`aiding.mag`), which gives
+    δθ_d = tan(dip)·(cos D δθ_n + sin D δθ_e) + δD: four times the tilt error at 64° north.
+    """
+    dip = aux[A_FIELD_D] / aux[A_FIELD_H]
+    a, b = dip * math.cos(aux[A_DECLINATION]), dip * math.sin(aux[A_DECLINATION])
+    total = 0.0
+    for j in range(N):
+        if j != ATT + 2:
+            coupled = a * P[packed(ATT, j)] + b * P[packed(ATT + 1, j)] + P[packed(DECLINATION, j)]
+            total += coupled * (a if j == ATT else (b if j == ATT + 1 else (1.0 if j == DECLINATION else 0.0)))
+            P[packed(ATT + 2, j)] = coupled
+    P[packed(ATT + 2, ATT + 2)] += total
+
+
 @njit("void(float64[::1], float64[::1], float64, float64, float64, float64[::1], float64[::1], int64[::1])", cache=True)
 def _set(x: Float, P: Float, ax: float, ay: float, az: float, par: Float, aux: Float, ctl: Int) -> None:
     """Set attitude and covariance from a mean specific force in m/s²; heading from the mean field if there is one."""
@@ -139,7 +159,7 @@ def _set(x: Float, P: Float, ax: float, ay: float, az: float, par: Float, aux: F
     x[X_Q], x[X_Q + 1], x[X_Q + 2], x[X_Q + 3] = cr * cp, sr * cp, cr * sp, -sr * sp
     ctl[C_HAS_HEADING] = 0
     if aux[A_MAG_WEIGHT] > 0.0:
-        _heading_from_field(x, aux)
+        _heading_from_field(x, P, aux)
         ctl[C_HAS_HEADING] = 1
         if not ctl[C_HAS_FIELD]:
             _field_from_mean(x, aux)
@@ -162,6 +182,8 @@ def _set(x: Float, P: Float, ax: float, ay: float, az: float, par: Float, aux: F
     x[X_DECLINATION] = 0.0
     if ctl[C_HAS_FIELD]:  # otherwise the heading itself is magnetic, and D is zero by definition
         P[packed(DECLINATION, DECLINATION)] = par[PAR_DECLINATION_SIGMA] ** 2
+    if ctl[C_HAS_HEADING]:
+        _couple_heading(P, aux)
     ctl[C_MODE] = ATTITUDE
 
 
@@ -200,5 +222,5 @@ def align(x: Float, P: Float, u: Float, par: Float, aux: Float, ctl: Int) -> boo
 @njit("void(float64[::1], float64[::1], float64)", cache=True)
 def set_heading(x: Float, P: Float, angle_rad: float) -> None:
     """Turn the heading by an angle after which it is known to a few degrees, uncorrelated with everything else."""
-    turn_about_down(x, angle_rad)
+    turn_about_down(x, P, angle_rad)
     reset_axis(P, ATT + 2, HEADING_SIGMA_RAD**2)

@@ -190,6 +190,6 @@ def handle(
     if h[H_STATUS] == UNDECIDED:
         h[H_STATUS] = REFUSED_NOT_READY
     if h[H_STATUS] == FUSED:
-        inject(x, work)
+        inject(x, P, work)
     if undecided:
         record(h[H_AID], h[H_STATUS], h[H_T], t_ns, work, ctl, aids, aid_t)

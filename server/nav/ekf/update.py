@@ -77,10 +77,29 @@ def fuse(P: Float, work: Float, innovation: float, variance: float) -> None:
         P[d] = max(P[d], MIN_VARIANCE)
 
 
-@njit("void(float64[::1], float64[::1])", cache=True)
-def inject(x: Float, work: Float) -> None:
+@njit("void(float64[::1], float64)", cache=True)
+def rotate_tilt(P: Float, angle_rad: float) -> None:
+    """Turn the covariance of the tilt error about down, together with the nominal heading.
+
+    At rest tilt and accelerometer bias are one unknown, and the bias is fixed to the body. A heading correction that
+    left the tilt error in its old direction would break that tie and invent knowledge of both. Turning it with the
+    heading holds the tilt error in the frame of the heading, which is equal to first order.
+    """
+    c, s = math.cos(angle_rad), math.sin(angle_rad)
+    xx, xy, yy = P[packed(ATT, ATT)], P[packed(ATT, ATT + 1)], P[packed(ATT + 1, ATT + 1)]
+    for j in range(ATT + 2, N):
+        x, y = P[packed(ATT, j)], P[packed(ATT + 1, j)]
+        P[packed(ATT, j)], P[packed(ATT + 1, j)] = c * x - s * y, s * x + c * y
+    P[packed(ATT, ATT)] = c * c * xx - 2.0 * c * s * xy + s * s * yy
+    P[packed(ATT, ATT + 1)] = c * s * (xx - yy) + (c * c - s * s) * xy
+    P[packed(ATT + 1, ATT + 1)] = s * s * xx + 2.0 * c * s * xy + c * c * yy
+
+
+@njit("void(float64[::1], float64[::1], float64[::1])", cache=True)
+def inject(x: Float, P: Float, work: Float) -> None:
     """Move the correction collected in work[W_DX] into the nominal state and clear it [Solà 2017, eq. 283]."""
     d = work[W_DX : W_DX + N]
+    rotate_tilt(P, d[ATT + 2])
     turn = quat_from_rotvec(d[ATT], d[ATT + 1], d[ATT + 2])
     q = quat_mul(turn[0], turn[1], turn[2], turn[3], x[X_Q], x[X_Q + 1], x[X_Q + 2], x[X_Q + 3])
     scale = 1.0 / math.sqrt(q[0] ** 2 + q[1] ** 2 + q[2] ** 2 + q[3] ** 2)

@@ -11,7 +11,7 @@ from server.nav.ekf import defaults
 from server.nav.ekf import layout as at
 from server.nav.ekf.align import turn_about_down
 from server.nav.ekf.run import run
-from server.nav.ekf.states import DECLINATION, PACKED, X_POS, X_Q, X_SIZE, packed
+from server.nav.ekf.states import ATT, DECLINATION, PACKED, X_POS, X_Q, X_SIZE, packed
 from server.nav.lanes.base import LaneResult
 from server.nav.types import (
     AID_COLUMNS,
@@ -153,9 +153,13 @@ class InsEkf:
             north, east, down = site.field_n_gauss
             aux[at.A_DECLINATION], aux[at.A_FIELD_D] = site.declination_rad, down
             aux[at.A_FIELD_H], ctl[at.C_HAS_FIELD] = math.hypot(north, east), 1
-            self._P[packed(DECLINATION, DECLINATION)] = self._par[at.PAR_DECLINATION_SIGMA] ** 2
+            variance = self._par[at.PAR_DECLINATION_SIGMA] ** 2
+            self._P[packed(DECLINATION, DECLINATION)] = variance
+            if ctl[at.C_HAS_HEADING]:  # the heading is now the magnetic one plus a declination with its own error
+                self._P[packed(ATT + 2, DECLINATION)] = variance
+                self._P[packed(ATT + 2, ATT + 2)] += variance
             if ctl[at.C_MODE] != LaneStatus.ALIGNING and ctl[at.C_HAS_HEADING]:
-                turn_about_down(self._x, site.declination_rad)
+                turn_about_down(self._x, self._P, site.declination_rad)
                 self._pending.append(
                     self._event(at.E_YAW_RESET, self._r_u[self._newest(), 0], site.declination_rad, 0.0)
                 )

@@ -52,7 +52,7 @@ from server.nav.types import Float, Int
 
 LEARN: Final = 0.05
 """Weight of one fix in the tracked ratio: a memory of 20 fixes, 4 s at 5 Hz."""
-K_MIN: Final = 0.01
+K_MIN: Final = 0.0025  # a twentieth of the reported standard deviation
 K_MAX: Final = 400.0
 POSITION_FLOOR_M: Final = 0.01  # resolution of 1e-7 degrees
 VELOCITY_FLOOR_M_S: Final = 0.01  # resolution of centimetres a second

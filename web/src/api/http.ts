@@ -1,0 +1,92 @@
+import type {
+  BoardOut,
+  BoardsOut,
+  DoctorOut,
+  InfoOut,
+  PortsOut,
+  Problem,
+  SessionOut,
+  SettingsOut,
+} from "./wire";
+
+/** A refused request, carrying the server's own words. */
+export class ApiError extends Error {
+  readonly problem: Problem;
+
+  constructor(problem: Problem) {
+    super(problem.detail);
+    this.problem = problem;
+  }
+}
+
+/** Resolve below the page's own origin, also behind a path prefix of a proxy. */
+export function apiUrl(path: string): URL {
+  return new URL(`api/v1/${path}`, document.baseURI);
+}
+
+/** The only `fetch` of the page; every failure is an `ApiError`. */
+async function ask(method: string, path: string, body?: unknown): Promise<Response> {
+  const init: RequestInit = { method, credentials: "same-origin" };
+  if (body !== undefined) {
+    init.headers = { "Content-Type": "application/json" };
+    init.body = JSON.stringify(body);
+  }
+  const answer = await fetch(apiUrl(path), init).catch(() => null);
+  if (!answer) throw new ApiError(unreachable());
+  if (!answer.ok) throw new ApiError(await problemOf(answer));
+  return answer;
+}
+
+async function request<T>(method: string, path: string, body?: unknown): Promise<T> {
+  const answer = await ask(method, path, body);
+  if (answer.status === 204) return undefined as T;
+  return (await answer.json()) as T;
+}
+
+function unreachable(): Problem {
+  const detail = "navdeck did not answer.";
+  return {
+    type: "urn:navdeck:problem:service-unreachable",
+    title: "Unreachable",
+    status: 0,
+    detail,
+    code: "service-unreachable",
+    remedy: "",
+    errors: [],
+  };
+}
+
+async function problemOf(answer: Response): Promise<Problem> {
+  const blank = {
+    ...unreachable(),
+    title: answer.statusText,
+    status: answer.status,
+    code: `http-${answer.status}`,
+  };
+  try {
+    const body = (await answer.json()) as Partial<Problem>;
+    return { ...blank, detail: `${answer.status} ${answer.statusText}`, ...body };
+  } catch {
+    return { ...blank, detail: `${answer.status} ${answer.statusText}` };
+  }
+}
+
+const id = encodeURIComponent;
+
+export const api = {
+  info: () => request<InfoOut>("GET", "info"),
+  openSession: (token: string) => request<SessionOut>("POST", "session", { token }),
+  closeSession: () => request<undefined>("DELETE", "session"),
+  boards: () => request<BoardsOut>("GET", "boards"),
+  addBoard: (url: string) => request<BoardOut>("POST", "boards", { url }),
+  removeBoard: (boardId: string) => request<undefined>("DELETE", `boards/${id(boardId)}`),
+  reconnect: (boardId: string) => request<unknown>("POST", `boards/${id(boardId)}/reconnect`),
+  /** The last rows of a binary topic, laid out as one message of the stream. */
+  history: async (boardId: string, topic: string, seconds: number): Promise<ArrayBuffer> => {
+    const query = new URLSearchParams({ topic, seconds: String(seconds) });
+    return (await ask("GET", `boards/${id(boardId)}/history?${query}`)).arrayBuffer();
+  },
+  ports: () => request<PortsOut>("GET", "ports"),
+  settings: () => request<SettingsOut>("GET", "settings"),
+  doctor: () => request<DoctorOut>("GET", "doctor"),
+};

@@ -1,0 +1,103 @@
+import type { Signal } from "../logic/signals";
+import type { Feed } from "./feeds";
+
+/** Times and values of one curve, contiguous and ascending. */
+export interface Curve {
+  readonly tS: Float64Array;
+  readonly values: Float32Array | Float64Array;
+}
+
+/**
+ * One picked signal as numbers ready to draw: derived values are computed once per row, when it arrives.
+ *
+ * Same memory scheme as `Ring`: twice the capacity, compacted when full, so `curve` is a view.
+ */
+export class Trace {
+  readonly signal: Signal;
+  private readonly feed: Feed;
+  private readonly tS: Float64Array;
+  private readonly values: Float64Array;
+  private start = 0;
+  private end = 0;
+  private epoch = -1;
+  private frozen: Curve | null = null;
+
+  constructor(signal: Signal, feed: Feed) {
+    this.signal = signal;
+    this.feed = feed;
+    this.tS = new Float64Array(2 * feed.ring.capacity);
+    this.values = new Float64Array(2 * feed.ring.capacity);
+  }
+
+  /** Take over what arrived since the last call. */
+  update(): void {
+    const { ring } = this.feed;
+    if (ring.epoch !== this.epoch) {
+      this.start = this.end = 0;
+      this.epoch = ring.epoch;
+    }
+    const lastS = this.end > this.start ? (this.tS[this.end - 1] ?? -Infinity) : -Infinity;
+    const times = ring.times();
+    for (let i = ring.indexAt(lastS) + 1; i < times.length; i++)
+      this.push(times[i] ?? NaN, this.signal.read(ring, i));
+  }
+
+  private push(tS: number, value: number): void {
+    if (this.end === this.tS.length) {
+      this.tS.copyWithin(0, this.start, this.end);
+      this.values.copyWithin(0, this.start, this.end);
+      this.end -= this.start;
+      this.start = 0;
+    }
+    this.tS[this.end] = tS;
+    this.values[this.end] = value;
+    this.end++;
+    if (this.end - this.start > this.feed.ring.capacity) this.start++;
+  }
+
+  /** Board time up to which it may be drawn now: it moves smoothly and never beyond the newest row. */
+  edgeS(nowS: number): number {
+    return this.feed.playhead.at(nowS);
+  }
+
+  /** Seconds since a row arrived. */
+  quietS(nowMs: number): number {
+    return this.feed.ageS(nowMs);
+  }
+
+  freeze(): void {
+    this.update();
+    const { tS, values } = this.live();
+    this.frozen = { tS: tS.slice(), values: values.slice() };
+  }
+
+  thaw(): void {
+    this.frozen = null;
+  }
+
+  /** What is drawn and exported: everything held, or as it was when frozen. */
+  curve(): Curve {
+    return this.frozen ?? this.live();
+  }
+
+  private live(): Curve {
+    return { tS: this.tS.subarray(this.start, this.end), values: this.values.subarray(this.start, this.end) };
+  }
+
+  /** Why there is no data, when the service said so. */
+  get refusal(): string {
+    return this.feed.refusal;
+  }
+}
+
+/** Index of the newest time not after tS; −1 when all are later. */
+export function indexAt(times: Float64Array, tS: number): number {
+  let low = 0;
+  let high = times.length;
+  while (low < high) {
+    const mid = (low + high) >> 1;
+    if ((times[mid] ?? Infinity) <= tS) low = mid + 1;
+    else high = mid;
+  }
+  return low - 1;
+}
