@@ -34,10 +34,10 @@ def stream(rate_hz, duration_s, seed=1):
         data[:, 1 if kind == Kind.BARO else 0] += rng.normal(size=len(when)) * 1e-7
         parts.append((kind, when, data))
     time_s = np.concatenate([p[1] for p in parts])
-    kind = np.concatenate([np.full(len(p[1]), int(p[0]), dtype=np.uint8) for p in parts])
-    order = np.lexsort((kind == Kind.IMU, time_s))
+    kinds = np.concatenate([np.full(len(p[1]), int(p[0]), dtype=np.uint8) for p in parts])
+    order = np.lexsort((kinds == Kind.IMU, time_s))
     t_ns = np.round(time_s[order] * 1e9).astype(np.int64)
-    return SampleBlock(kind=kind[order], t_ns=t_ns, t_rx_ns=t_ns, data=np.concatenate([p[2] for p in parts])[order])
+    return SampleBlock(kind=kinds[order], t_ns=t_ns, t_rx_ns=t_ns, data=np.concatenate([p[2] for p in parts])[order])
 
 
 def engine_seconds(block, nav_rate_hz, rows=8192):

@@ -17,7 +17,8 @@ ZEROS = (0,) * 6
 
 
 def whole(blocks: list[SampleBlock]) -> tuple[np.ndarray, np.ndarray, np.ndarray]:
-    return tuple(np.concatenate([getattr(b, name) for b in blocks]) for name in ("kind", "t_ns", "data"))
+    kind, t_ns, data = (np.concatenate([getattr(b, name) for b in blocks]) for name in ("kind", "t_ns", "data"))
+    return kind, t_ns, data
 
 
 def test_equal_stamps_bring_every_aid_before_the_imu_sample(tmp_path: Path) -> None:

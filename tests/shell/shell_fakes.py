@@ -253,7 +253,8 @@ async def running(loaded: LoadedSettings | None = None, factories: Any = None) -
     await service.add_links()
     started: asyncio.Future[str] = asyncio.get_running_loop().create_future()
     task = asyncio.create_task(service.run(listening_socket("127.0.0.1", 0), started.set_result))
-    done, _ = await asyncio.wait({task, started}, return_when=asyncio.FIRST_COMPLETED)
+    both: set[asyncio.Future[Any]] = {task, started}
+    done, _ = await asyncio.wait(both, return_when=asyncio.FIRST_COMPLETED)
     if task in done:
         task.result()
     try:

@@ -4,6 +4,7 @@ import asyncio
 import contextlib
 import json
 import struct
+from typing import Any
 
 import numpy as np
 from websockets.asyncio.client import ClientConnection
@@ -45,7 +46,7 @@ def decode(message: bytes) -> tuple[tuple[int, ...], np.ndarray, np.ndarray]:
 
 async def rows_of(socket: ClientConnection, count: int) -> tuple[np.ndarray, np.ndarray]:
     """The next `count` rows of the only binary subscription."""
-    parts = []
+    parts: list[tuple[np.ndarray, np.ndarray]] = []
     while sum(len(t_ns) for t_ns, _ in parts) < count:
         _, t_ns, data = decode(await next_binary(socket))
         parts.append((t_ns, data))
@@ -156,8 +157,9 @@ async def test_an_unknown_topic_is_answered_with_a_problem_that_names_the_known_
         for topic in ("boards/nobody/health", "boards/sim/lanes/nothing", "weather"):
             answer = await ask(socket, op="subscribe", id=9, topic=topic)
             assert (answer["op"], answer["id"]) == ("error", 9)
-            assert answer["problem"]["status"] == 404
-            assert "boards/sim/lanes/ins_ekf" in answer["problem"]["remedy"]
+            problem: Any = answer["problem"]
+            assert problem["status"] == 404
+            assert "boards/sim/lanes/ins_ekf" in problem["remedy"]
 
 
 async def test_requests_that_make_no_sense_are_answered_and_the_socket_stays_open() -> None:
