@@ -212,7 +212,7 @@ class Board:
         if (status.state, status.code) != self._link_told:
             self._link_told = (status.state, status.code)
             severity = LINK_SEVERITY.get(status.state, "caution")
-            text = " ".join(filter(None, (f"Link {status.url}: {status.state}.", status.cause, status.remedy)))
+            text = " ".join(filter(None, (f"Link {status.url} is {status.state}.", status.cause, status.remedy)))
             self._tell("link", f"link-{status.state}", severity, text)
 
     def _tell(self, source: Literal["board", "link", "server"], code: str, severity: str, text: str) -> None:

@@ -18,7 +18,7 @@ from server.nav.ekf import layout as at
 from server.nav.health import AidBook, mag_scale_event, sensor_health
 from server.nav.lanes.base import Lane
 from server.nav.lanes.ins_ekf import InsEkf, parameters
-from server.nav.lanes.passthrough import SOURCE, repeat
+from server.nav.lanes.passthrough import SOURCE, merged, repeat
 from server.nav.parts import Part, join, join_aids
 from server.nav.preprocess.accumulate import accumulate
 from server.nav.preprocess.filtered import filtered_rows
@@ -239,7 +239,7 @@ class NavEngine:
             row = rows.data[-1]
             before = self._newest.get(rows.lane)
             if rows.lane in SOURCE and before is not None:  # attitude and position come in turns
-                row = np.where(np.isnan(row), before.row, row)
+                row = merged(row, before.row)
             provides = next((lane.provides for lane in self._lanes if lane.name == rows.lane), "full")
             self._newest[rows.lane] = LaneState(lane=rows.lane, provides=provides, t_ns=t_ns, row=row)
             self._t_ns = max(self._t_ns, t_ns)

@@ -161,6 +161,8 @@ export const codesZh: Readonly<Record<string, { cause: string; remedy?: string }
   "gnss-lost": { cause: "已 {age_s} s 无卫星定位：航位推算。请检查天线视野。" },
   "gnss-back": { cause: "卫星定位在 {outage_s} s 后恢复；位置相差 {horizontal_m} m。" },
   "yaw-reset": { cause: "航向转动 {yaw_rad}：磁偏角现已知。" },
+  "heading-found": { cause: "已由磁场得到航向：{yaw_rad}。" },
+  "heading-from-course": { cause: "已由卫星航迹角得到航向：{yaw_rad}。" },
   "filter-failed": { cause: "滤波器数值失效并重新开始；请报告此问题。" },
   "imu-gap": { cause: "{gap_s} s 没有惯性数据：重新对准。请检查链路与飞控板负荷。" },
   // requests
