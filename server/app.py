@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import asyncio
 import contextlib
+import gc
 import importlib.metadata
 import logging
 import os
@@ -146,12 +147,15 @@ def _load(factories: Factories) -> None:
     text = "compiling the kernels: once after an installation or an update, this takes some ten seconds"
     slow = threading.Timer(SLOW_LOAD_S, log.info, [text])
     slow.start()
+    gc.disable()  # a full collection in the middle of loading pauses for a fifth of a second
     try:
         factories.load()
     except ValueError as error:
         raise StartError(f"{error}. Remedy: give another value; navdeck serve --help lists them.", BAD_INPUT) from None
     finally:
         slow.cancel()
+        gc.freeze()  # what is loaded now stays: collections need not look at it again
+        gc.enable()
 
 
 async def _main(loaded: LoadedSettings, factories: Factories, listener: socket.socket) -> None:

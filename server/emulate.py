@@ -32,6 +32,7 @@ _CHECK_S: Final = 0.1
 _PAUSED_S: Final = 1.0
 """Later than this, nobody is reading: the schedule moves, so that a reader that comes back gets no hour in a burst."""
 
+_QUIET_LOOKS: Final = 20  # 10 ms apart: bytes may wait in the kernel where FIONREAD does not see them
 _DRAIN_S: Final = 5.0
 _FAST_WRITE: Final = 4096
 
@@ -195,7 +196,7 @@ class Emulator:
     def _wait_until_taken(self) -> None:
         """Closing throws away what the reader has not read yet: let it finish, if there is one."""
         until_s, quiet = time.monotonic() + _DRAIN_S, 0
-        while quiet < 3 and time.monotonic() < until_s and not self._stop.is_set():
+        while quiet < _QUIET_LOOKS and time.monotonic() < until_s and not self._stop.is_set():
             quiet = quiet + 1 if self._unread() == 0 else 0
             self._stop.wait(0.01)
 

@@ -233,7 +233,7 @@ def test_files_with_headers_only_give_empty_lanes(tmp_path: Path) -> None:
 
 def test_unknown_cells_are_no_samples_of_zero(tmp_path: Path) -> None:
     folder = static_board(tmp_path / "folder", duration_s=15.0)
-    field = [(t, *(FIELD_N_GAUSS if t < 5_000_000_000 else (None,) * 3)) for t in stamps_ns(15, 20)]
+    field = [(t, *(FIELD_N_GAUSS if t < 10_000_000_000 else (None,) * 3)) for t in stamps_ns(15, 20)]
     write_csv(folder, "mag", field)
     gnss = [(t, LAT_DEG, LON_DEG, ALT_M, None, None, None, None, None, None, None) for t in stamps_ns(15, 5)]
     write_csv(folder, "gnss", gnss)

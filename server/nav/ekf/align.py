@@ -22,6 +22,7 @@ from server.nav.ekf.layout import (
     A_MAG_WEIGHT,
     A_T_START,
     C_ALIGN_STEPS,
+    C_ALIGNED_BEFORE,
     C_HAS_FIELD,
     C_HAS_HEADING,
     C_MODE,
@@ -55,6 +56,7 @@ from server.nav.types import Float, Int
 
 REST_S: Final = 2.0  # S0 §3.1.2 averages 50 to 100 samples at 50 Hz
 PATIENCE_S: Final = 5.0  # then the mean of a moving board must do: in flight rest may never come
+PATIENCE_AGAIN_S: Final = 1.0  # after a hole in the data: there was motion before it, and a person waits
 STILL_GYRO_RAD_S: Final = 0.02  # spread of step means; a hand or a running motor is past it
 STILL_ACCEL_M_S2: Final = 0.25
 STILL_RATE_RAD_S: Final = 0.09  # 5 °/s: larger than a MEMS gyro's bias at power-up
@@ -65,6 +67,7 @@ TILT_NOISE_RAD: Final = math.radians(0.2)
 MOVING_TILT_SIGMA_RAD: Final = math.radians(10.0)
 GYRO_BIAS_SIGMA_REST_RAD_S: Final = 1e-3
 GYRO_BIAS_SIGMA_MOVING_RAD_S: Final = 0.02
+GYRO_BIAS_SIGMA_AGAIN_RAD_S: Final = 2e-3
 
 
 @njit("boolean(float64[::1], float64[::1], int64[::1], float64)", cache=True)
@@ -187,6 +190,16 @@ def _set(x: Float, P: Float, ax: float, ay: float, az: float, par: Float, aux: F
     ctl[C_MODE] = ATTITUDE
 
 
+@njit("boolean(float64[::1], int64[::1])", cache=True)
+def _done(P: Float, ctl: Int) -> bool:
+    """Close an alignment. A gyro bias learned before a hole in the data is better than a mean that may hold a turn."""
+    if ctl[C_ALIGNED_BEFORE]:
+        for i in range(3):
+            P[packed(GYRO_BIAS + i, GYRO_BIAS + i)] = GYRO_BIAS_SIGMA_AGAIN_RAD_S**2
+    ctl[C_ALIGNED_BEFORE] = 1
+    return True
+
+
 @njit("boolean(float64[::1], float64[::1], float64[::1], float64[::1], float64[::1], int64[::1])", cache=True)
 def align(x: Float, P: Float, u: Float, par: Float, aux: Float, ctl: Int) -> bool:
     """Take one step of alignment; return True when the attitude has just been set.
@@ -194,19 +207,20 @@ def align(x: Float, P: Float, u: Float, par: Float, aux: Float, ctl: Int) -> boo
     At rest the mean specific force gives the tilt and the mean rate the gyro bias (S0 §3.1.2); the tilt error and the
     accelerometer bias are then the same unknown, and the covariance says so. Moving, the running mean must do.
     """
-    still = rest(u, aux, ctl, gravity_here(x, aux, ctl))
-    if aux[A_T_START] == NEVER_NS:
+    if aux[A_T_START] == NEVER_NS:  # the running means start at the first step, not at zero
         aux[A_T_START] = u[U_T]
+        for i in range(3):
+            aux[A_GYRO_MEAN + i], aux[A_ACCEL_MEAN + i] = u[U_GYRO_MEAN + i], u[U_ACCEL_MEAN + i]
+    still = rest(u, aux, ctl, gravity_here(x, aux, ctl))
     if not still:
         restart(aux, ctl)
-        if (u[U_T] - aux[A_T_START]) * 1e-9 < PATIENCE_S:
+        if (u[U_T] - aux[A_T_START]) * 1e-9 < (PATIENCE_AGAIN_S if ctl[C_ALIGNED_BEFORE] else PATIENCE_S):
             return False
         _set(x, P, aux[A_ACCEL_MEAN], aux[A_ACCEL_MEAN + 1], aux[A_ACCEL_MEAN + 2], par, aux, ctl)
         for i in range(3):
-            x[X_GYRO_BIAS + i] = 0.0
             P[packed(ATT + i, ATT + i)] += MOVING_TILT_SIGMA_RAD**2
             P[packed(GYRO_BIAS + i, GYRO_BIAS + i)] = GYRO_BIAS_SIGMA_MOVING_RAD_S**2
-        return True
+        return _done(P, ctl)
     _collect(u, aux)
     ctl[C_ALIGN_STEPS] += 1
     n = ctl[C_ALIGN_STEPS]
@@ -214,9 +228,10 @@ def align(x: Float, P: Float, u: Float, par: Float, aux: Float, ctl: Int) -> boo
         return False
     _set(x, P, aux[A_ACCEL_SUM] / n, aux[A_ACCEL_SUM + 1] / n, aux[A_ACCEL_SUM + 2] / n, par, aux, ctl)
     for i in range(3):
-        x[X_GYRO_BIAS + i] = aux[A_GYRO_SUM + i] / n
+        if not ctl[C_ALIGNED_BEFORE]:
+            x[X_GYRO_BIAS + i] = aux[A_GYRO_SUM + i] / n
         P[packed(GYRO_BIAS + i, GYRO_BIAS + i)] = GYRO_BIAS_SIGMA_REST_RAD_S**2
-    return True
+    return _done(P, ctl)
 
 
 @njit("void(float64[::1], float64[::1], float64)", cache=True)

@@ -86,7 +86,8 @@ C_ALIGN_STEPS: Final = 12
 C_REFUSED_RUN: Final = 13  # GNSS fixes refused in a row
 C_STEPS: Final = 14
 C_OVERFLOW: Final = 15
-C_SIZE: Final = 16
+C_ALIGNED_BEFORE: Final = 16
+C_SIZE: Final = 17
 
 # … and numbers.
 A_DECLINATION: Final = 0  # rad

@@ -14,6 +14,7 @@ from server.nav.ekf.history import push, rerun
 from server.nav.ekf.intake import take
 from server.nav.ekf.layout import (
     A_GNSS_INTERVAL,
+    A_MAG_WEIGHT,
     A_T_GNSS,
     A_T_START,
     C_HAS_HEADING,
@@ -110,6 +111,7 @@ def run(
             ctl[C_MODE] = ALIGNING
             ctl[C_POSITIONED] = ctl[C_VALID] = 0
             restart(aux, ctl)
+            aux[A_MAG_WEIGHT] = 0.0
             aux[A_T_START] = NEVER_NS
         if ctl[C_MODE] == ALIGNING:
             aligned = u[U_GAP_S] <= GAP_RESTART_S and align(x, P, u, par, aux, ctl)
