@@ -18,7 +18,7 @@ if TYPE_CHECKING:
     from viser import SceneApi
 
 Colours = NDArray[np.uint8]
-FIX_SIZE_M: Final = 0.04
+FIX_SIZE_M: Final = 0.07
 
 
 class PathColour(StrEnum):
