@@ -184,6 +184,12 @@ def _check_door(settings: Settings) -> None:
             "network that is all your own, say --insecure.",
             BAD_INPUT,
         )
+    if settings.token is not None and settings.token == settings.viewer_token:
+        raise StartError(
+            "NAVDECK_TOKEN and NAVDECK_VIEWER_TOKEN are the same, so everybody who looks could also operate. "
+            "Remedy: give two different tokens, or leave the viewer's out.",
+            BAD_INPUT,
+        )
 
 
 @contextlib.contextmanager

@@ -174,12 +174,17 @@ def _bad_url(url: str, detail: str, remedy: str = "") -> Refusal:
 
 def _untrusted(url: str, data_dir: Path) -> Refusal | None:
     """Refuse from the network what would touch files of this machine; a file's absence looks like its presence."""
+    if any(ord(letter) < 32 for letter in unquote(url)):
+        return _bad_url(url, "A link holds no control characters.")
     scheme, place = split_link(url)
     if scheme not in SCHEMES:
         return _bad_url(url, f"{url[:80]!r} is not a link that may be opened from here.")
+    plain = url.strip().lower().startswith((f"{scheme}:///", "/"))  # so that what is judged is what is opened
+    if scheme == "serial" and not plain:
+        return _bad_url(url, "From here only serial:///dev/… is understood.")
     if scheme == "serial" and not Path(place).resolve().is_relative_to("/dev"):
         return _bad_url(url, f"{place!r} is not below /dev, where serial ports are.")
-    if scheme == "file" and not Path(place).expanduser().resolve().is_relative_to(data_dir.resolve()):
+    if scheme == "file" and not (plain and Path(place).expanduser().resolve().is_relative_to(data_dir.resolve())):
         return Refusal(
             kind=RefusalKind.INVALID,
             code="file-not-allowed",

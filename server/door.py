@@ -119,7 +119,9 @@ class Door:
         if refusal is not None:
             return None, refusal
         path: str = scope["path"]
-        if not path.startswith(GUARDED) or path == SESSION_PATH:
+        if not path.startswith(GUARDED):
+            return None, None  # nobody asks who reads the page itself, so nothing can be guessed here
+        if path == SESSION_PATH:
             return self._role(scope, headers), None
         if _bearer(headers) and self._keyring.wait_s(_address(scope)) > 0.0:
             return None, _too_many_guesses()

@@ -44,6 +44,7 @@ from server.nav.types import (
 LANES: Final = ("ins_ekf", "onboard", "reference")
 """Every lane there is; the others of the field take their place here."""
 EVENTS_KEPT: Final = 100
+CARRIED_ROWS: Final = 2048
 
 
 class NavEngine:
@@ -71,7 +72,7 @@ class NavEngine:
 
     def _restart(self, boot_id: int) -> None:
         """Forget everything that belongs to one power-up."""
-        self._boot_id, self._t0_ns, self._t_ns = boot_id, -1, -1
+        self._boot_id, self._t0_ns, self._t_ns, self._started = boot_id, 0, -1, False
         self._memory, self._counters = new_memory()
         self._finder = SiteFinder(self._settings, self._field_model)
         self._delays_s = [0.0, 0.0, 0.0, 0.0]
@@ -89,7 +90,7 @@ class NavEngine:
         """Take samples in order of arrival; return all they completed, oldest first."""
         if block.boot_id != self._boot_id:
             self._restart(block.boot_id)
-        if self._t0_ns < 0 and len(block.t_ns):
+        if not self._started and len(block.t_ns):
             self._start(int(block.t_ns[0]))
         parts: list[Part] = []
         cuts = np.flatnonzero(block.kind >= Kind.DATE)
@@ -104,17 +105,13 @@ class NavEngine:
 
     def _start(self, t0_ns: int) -> None:
         """Build the lanes: the kernels count time from the first sample."""
-        self._t0_ns = t0_ns
+        self._t0_ns, self._started = t0_ns, True
         origin = self._settings.t_origin_ns if self._settings.t_origin_ns >= 0 else t0_ns
         held_back = np.array(self._settings.gnss_withheld_s, dtype=np.float64).reshape(-1, 2)
-        withheld_ns = np.ascontiguousarray(held_back * 1e9 + (origin - t0_ns))
+        self._withheld_ns = np.ascontiguousarray(np.rint(held_back * 1e9) + (origin - t0_ns))
         self._resolve_delays((math.nan,) * 4)
         if "ins_ekf" in self._settings.lanes:
-            self._lanes.append(InsEkf(self._settings, self._parameters(), withheld_ns, t0_ns))
-        site = self._finder.settle(t0_ns)
-        if site is not None:
-            for lane in self._lanes:
-                lane.set_site(site)
+            self._lanes.append(InsEkf(self._settings, self._parameters(), self._withheld_ns, t0_ns))
 
     def _parameters(self) -> Float:
         imu, mag, gnss, baro = self._delays_s
@@ -155,6 +152,8 @@ class NavEngine:
         ready = int(np.searchsorted(meas[:, at.M_STEP], n_steps))  # the rest waits for a step that is still open
         self._carried = meas[ready:].copy()
         self._carried[:, at.M_STEP] = 0.0
+        if len(self._carried) > 2 * CARRIED_ROWS:  # no IMU: older ones would be stale anyway
+            self._carried = self._carried[-CARRIED_ROWS:]
         part = Part()
         if not self._mag_scale_told and n_meas:
             self._tell_mag_scale(meas, part)
@@ -165,7 +164,7 @@ class NavEngine:
     def _tell_mag_scale(self, meas: Float, part: Part) -> None:
         """Say once, at the first magnetic sample, that its unit is not the protocol's."""
         field = meas[meas[:, at.M_KIND] == MAG]
-        if len(field):
+        if len(field) and self._memory[S_MAG_SCALE] != 0.0:
             self._mag_scale_told = True
             event = mag_scale_event(float(self._memory[S_MAG_SCALE]), int(field[0, at.M_T]) + self._t0_ns)
             part.events += [event] if event else []
@@ -188,11 +187,22 @@ class NavEngine:
 
     def _find_site(self, steps: Float, meas: Float) -> int:
         """Return the step before which the site is settled, −1 when it is not in this call."""
+        first = 0 if self._finder.has_fix else self._first_fix(steps, meas)
+        for k in range(first, len(steps)) if first >= 0 else ():
+            if self._finder.settle(int(steps[k, at.U_T])) is not None:
+                return k
+        return -1
+
+    def _first_fix(self, steps: Float, meas: Float) -> int:
+        """Tell the finder the first fix that a lane may use; return its step, −1 when there is none."""
         good = meas[(meas[:, at.M_KIND] == GNSS) & (meas[:, at.M_STATUS] == FUSED)]
-        for m in good:
+        for m in good if self._settings.use_gnss else ():
+            valid_ns = m[at.M_T] - self._delays_s[2] * 1e9
+            if ((self._withheld_ns[:, 0] <= valid_ns) & (valid_ns < self._withheld_ns[:, 1])).any():
+                continue
             k = int(m[at.M_STEP])
             lat_deg, lon_deg, alt_m = m[at.M_DATA : at.M_DATA + 3].tolist()
-            if self._finder.offer(lat_deg, lon_deg, alt_m, int(steps[k, at.U_T])) is not None:
+            if self._finder.take_fix(lat_deg, lon_deg, alt_m, int(steps[k, at.U_T])):
                 return k
         return -1
 
@@ -252,7 +262,7 @@ class NavEngine:
             boot_id=self._boot_id,
             t_ns=self._t_ns,
             lanes=tuple(self._newest.values()),
-            sensors=sensor_health(self._memory, self._counters, max(self._t0_ns, 0)),
+            sensors=sensor_health(self._memory, self._counters, self._t0_ns),
             aids=self._book.health(),
             site=self._finder.site,
             filtered=self._filtered,

@@ -26,11 +26,17 @@ class SiteFinder:
             alt_m = settings.site_alt_m if math.isfinite(settings.site_alt_m) else 0.0
             self._fix = (settings.site_lat_deg, settings.site_lon_deg, alt_m)
 
-    def offer(self, lat_deg: float, lon_deg: float, alt_m: float, t_ns: int) -> Site | None:
-        """Take a 3-D fix; return the site when this call settles it."""
+    @property
+    def has_fix(self) -> bool:
+        """Whether the place is known and only the date is waited for."""
+        return self._fix is not None
+
+    def take_fix(self, lat_deg: float, lon_deg: float, alt_m: float, t_ns: int) -> bool:
+        """Take the first 3-D fix as the place; return whether it was one."""
         if self._fix is None and math.isfinite(lat_deg) and math.isfinite(lon_deg):
             self._fix, self._t_fix_ns = (lat_deg, lon_deg, alt_m if math.isfinite(alt_m) else 0.0), t_ns
-        return self.settle(t_ns)
+            return True
+        return False
 
     def settle(self, t_ns: int) -> Site | None:
         """Return the site when it can be settled at t_ns, and was not before."""

@@ -227,3 +227,66 @@ def test_a_board_that_is_never_still_is_aligned_in_motion():
     position, _, heading, late = errors(t_ns, rows, truth, after_s=40.0)
     assert np.sqrt((heading**2).mean()) < math.radians(6.0)
     assert (np.abs(position) < 3 * late[:, 16:18]).all(1).mean() > 0.9
+
+
+@pytest.mark.parametrize("column", range(10))
+def test_an_unknown_cell_of_a_gnss_row_harms_nothing(column):
+    stream, truth = circle(duration_s=40.0)
+    for row in stream.rows:
+        if row[3] == Kind.GNSS and 20.0 < row[4] < 20.3:
+            row[5][column] = math.nan
+    t_ns, rows, results, _ = navigate(stream.block())
+    position, *_ = errors(t_ns, rows, truth)
+    assert np.abs(position).max() < 0.5
+    assert "filter-failed" not in [e.code for r in results for e in r.events]
+
+
+def test_stamps_before_zero_are_stamps_like_any_other():
+    stream, _ = circle(duration_s=20.0)
+    _, whole, _, _ = navigate(stream.block(offset_s=-10.0))
+    t_ns, cut, _, _ = navigate(stream.block(offset_s=-10.0), 700)
+    assert np.array_equal(whole, cut, equal_nan=True)
+    assert (np.diff(t_ns) > 0).all()
+
+
+def test_a_baro_that_jumps_loses_the_height_to_gnss_and_comes_back_with_a_new_datum():
+    stream, _ = circle(duration_s=120.0)
+    for row in stream.rows:
+        if row[3] == Kind.BARO and row[4] > 40.0:
+            row[5][1] += 80.0
+    _, rows, _, engine = navigate(stream.block())
+    assert abs(rows[-1, 9]) < 3 * rows[-1, 18]
+    assert rows[-1, 18] < 2.0
+    baro = next(a for a in engine.snapshot().aids if a.aid == Aid.BARO_HEIGHT)
+    assert engine.snapshot().t_ns - baro.t_fused_ns < 1e9
+
+
+def test_a_vertical_field_gives_no_heading_and_no_error():
+    stream, _ = circle(duration_s=15.0)
+    for row in stream.rows:
+        if row[3] == Kind.MAG:
+            row[5][:] = [0.0, 0.0, 0.5]
+    _, rows, _, _ = navigate(stream.block())
+    assert rows[-1, 25] == LaneStatus.ATTITUDE
+
+
+def test_withheld_fixes_do_not_settle_the_site():
+    stream, _ = circle(duration_s=15.0)
+    *_, engine = navigate(stream.block(), gnss_withheld_s=((0.0, 100.0),))
+    assert engine.snapshot().site is None
+
+
+def test_an_aid_from_another_clock_is_refused():
+    stream, truth = circle(duration_s=40.0)
+    fix = [45.0, 10.01, 0.0, 0.0, 0.0, math.nan, 0.1, 0.2, 0.05, 3.0]
+    stream.add(Kind.GNSS, 1e6, fix, arrives_s=20.0)
+    t_ns, rows, _, _ = navigate(stream.block())
+    position, *_ = errors(t_ns, rows, truth)
+    assert np.abs(position).max() < 0.5
+
+
+def test_slow_receivers_are_no_outage():
+    stream, _ = circle(duration_s=60.0, gnss_hz=0.5)
+    _, rows, results, _ = navigate(stream.block())
+    assert "gnss-lost" not in [e.code for r in results for e in r.events]
+    assert rows[-1, 25] == LaneStatus.NAVIGATING

@@ -142,6 +142,8 @@ async def test_no_file_outside_the_data_folder_can_be_opened_or_even_felt_for(tm
             "file:///etc/passwd",
             "file://~/secret",
             "file://secret",
+            f"file?:{tmp_path}/secret",
+            f"file?x:{data}/flight.tlog",
         ):
             assert_problem(await run.client.post("/api/v1/boards", json={"url": url}), 422, "file-not-allowed")
         for url in (
@@ -150,6 +152,9 @@ async def test_no_file_outside_the_data_folder_can_be_opened_or_even_felt_for(tm
             "spy:///dev/ttyS0?file=/tmp/x",
             "socket://a:1",
             "serial://x",
+            "serial?:/dev/ttyS0",
+            "serial:///dev/\x00",
+            "file:///etc/%70asswd%00",
         ):
             assert_problem(await run.client.post("/api/v1/boards", json={"url": url}), 422, "bad-link")
         allowed = await run.client.post("/api/v1/boards", json={"url": f"file://{data}/flight.tlog?speed=2"})

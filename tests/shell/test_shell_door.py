@@ -7,8 +7,10 @@ import httpx
 import pytest
 from websockets.exceptions import InvalidStatus
 
+from server.app import serve
 from server.door import Names, same_origin
 from server.keyring import GUESS_WINDOW_S, GUESSES, MAX_SESSIONS, SESSION_S, Keyring
+from server.listener import StartError
 from tests.shell.shell_fakes import Running, fake_settings, running
 
 TOKEN, VIEWER = "operator-token-0123456789", "viewer-token-0123456789"
@@ -204,3 +206,8 @@ def test_sessions_end_by_themselves_and_are_bounded() -> None:
     still = Keyring("a", None, clock_s=lambda: 0.0)
     values = [still.open_session("viewer") for _ in range(MAX_SESSIONS + 1)]
     assert [still.role_of_session(value) for value in (values[0], values[1])] == [None, "viewer"]
+
+
+def test_the_same_token_for_both_roles_is_refused_at_the_start() -> None:
+    with pytest.raises(StartError, match="are the same"):
+        serve(fake_settings(host="0.0.0.0", token="a-secret", viewer_token="a-secret"))

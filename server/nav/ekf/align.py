@@ -62,6 +62,7 @@ STILL_ACCEL_M_S2: Final = 0.25
 STILL_RATE_RAD_S: Final = 0.09  # 5 °/s: larger than a MEMS gyro's bias at power-up
 STILL_GRAVITY_M_S2: Final = 0.6
 STILL_BLEND_S: Final = 0.4
+LEAST_NORTH_GAUSS: Final = 0.02  # below it, within 3° of a magnetic pole, the field shows no direction
 HEADING_SIGMA_RAD: Final = math.radians(5.0)  # hard iron left over from a rough calibration
 TILT_NOISE_RAD: Final = math.radians(0.2)
 MOVING_TILT_SIGMA_RAD: Final = math.radians(10.0)
@@ -115,6 +116,17 @@ def turn_about_down(x: Float, P: Float, angle_rad: float) -> None:
     x[X_Q], x[X_Q + 1], x[X_Q + 2], x[X_Q + 3] = q
 
 
+@njit("boolean(float64[::1], float64[::1])", cache=True)
+def _shows_north(x: Float, aux: Float) -> bool:
+    """Return whether the mean field has a horizontal part that is worth a heading."""
+    w = aux[A_MAG_WEIGHT]
+    if w <= 0.0:
+        return False
+    R = matrix_entries(x[X_Q], x[X_Q + 1], x[X_Q + 2], x[X_Q + 3])
+    mx, my, mz = aux[A_MAG_SUM] / w, aux[A_MAG_SUM + 1] / w, aux[A_MAG_SUM + 2] / w
+    return math.hypot(R[0] * mx + R[1] * my + R[2] * mz, R[3] * mx + R[4] * my + R[5] * mz) > LEAST_NORTH_GAUSS
+
+
 @njit("void(float64[::1], float64[::1], float64[::1])", cache=True)
 def _heading_from_field(x: Float, P: Float, aux: Float) -> None:
     """Turn x about the vertical so that the mean field points to magnetic north, declination added."""
@@ -143,7 +155,7 @@ def _couple_heading(P: Float, aux: Float) -> None:
     The field points where it must whatever the tilt, so 0 = δθ·(e × m) + B_h δD (`aiding.mag`), which gives
     δθ_d = tan(dip)·(cos D δθ_n + sin D δθ_e) + δD: four times the tilt error at 64° north.
     """
-    dip = aux[A_FIELD_D] / aux[A_FIELD_H]
+    dip = aux[A_FIELD_D] / max(LEAST_NORTH_GAUSS, aux[A_FIELD_H])
     a, b = dip * math.cos(aux[A_DECLINATION]), dip * math.sin(aux[A_DECLINATION])
     total = 0.0
     for j in range(N):
@@ -161,7 +173,7 @@ def _set(x: Float, P: Float, ax: float, ay: float, az: float, par: Float, aux: F
     cr, sr, cp, sp = math.cos(roll / 2), math.sin(roll / 2), math.cos(pitch / 2), math.sin(pitch / 2)
     x[X_Q], x[X_Q + 1], x[X_Q + 2], x[X_Q + 3] = cr * cp, sr * cp, cr * sp, -sr * sp
     ctl[C_HAS_HEADING] = 0
-    if aux[A_MAG_WEIGHT] > 0.0:
+    if _shows_north(x, aux):
         _heading_from_field(x, P, aux)
         ctl[C_HAS_HEADING] = 1
         if not ctl[C_HAS_FIELD]:

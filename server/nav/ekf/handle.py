@@ -9,6 +9,7 @@ from numba import njit
 
 from server.nav.codes import (
     BARO_HEIGHT,
+    DEAD_RECKONING,
     FUSED,
     GNSS_POSITION,
     GNSS_VELOCITY,
@@ -29,6 +30,7 @@ from server.nav.ekf.layout import (
     C_BARO_SEEN,
     C_HAS_HEADING,
     C_HAS_SITE,
+    C_MODE,
     C_POSITIONED,
     C_REFUSED_RUN,
     E_GNSS_BACK,
@@ -37,7 +39,6 @@ from server.nav.ekf.layout import (
     H_AID,
     H_STATUS,
     H_T,
-    NEVER_NS,
     RESET,
     UNDECIDED,
     W_DX,
@@ -122,7 +123,7 @@ def _position(
         return
     if h[H_STATUS] == FUSED or h[H_STATUS] == RESET:
         away = (h[H_T] - aux[A_T_GNSS]) * 1e-9
-        if aux[A_T_GNSS] > NEVER_NS and away > 3.0:
+        if ctl[C_MODE] == DEAD_RECKONING:
             add_event(events, ctl, E_GNSS_BACK, h[H_T], away, math.sqrt(work[W_INNOV] ** 2 + work[W_INNOV + 1] ** 2))
         aux[A_T_GNSS] = h[H_T]
         ctl[C_REFUSED_RUN] = 0

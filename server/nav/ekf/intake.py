@@ -30,6 +30,7 @@ from server.nav.ekf.layout import (
     A_MAG_SUM,
     A_MAG_WEIGHT,
     A_SPEED_GNSS,
+    A_T_GNSS,
     A_T_GNSS_SEEN,
     A_T_MAG,
     C_ALIGN_STEPS,
@@ -124,7 +125,8 @@ def _note_gnss(m: Float, t_valid: float, aux: Float) -> None:
     """Keep the receiver's interval and speed, which the rest and outage logic need."""
     if aux[A_T_GNSS_SEEN] > NEVER_NS:
         interval = min(10.0, max(0.0, (t_valid - aux[A_T_GNSS_SEEN]) * 1e-9))
-        aux[A_GNSS_INTERVAL] += 0.2 * (interval - aux[A_GNSS_INTERVAL])
+        first = aux[A_T_GNSS] == NEVER_NS
+        aux[A_GNSS_INTERVAL] += (1.0 if first else 0.2) * (interval - aux[A_GNSS_INTERVAL])
     aux[A_T_GNSS_SEEN] = t_valid
     wander = WANDER_SHARE * _known(m[M_DATA + 6], UNKNOWN_H_ACC_M, MIN_ACC_M)
     unseen = max(0.0, 1.0 - aux[A_K_POS])
@@ -186,11 +188,11 @@ def take(
         return dirty
     if kind == GNSS:
         _note_gnss(m, t_valid, aux)
-        if math.isfinite(m[M_DATA]):
+        if math.isfinite(m[M_DATA]) and math.isfinite(m[M_DATA + 1]):
             _start_row(h, GNSS_POSITION, t_valid, m)
             position_row(h, m)
             dirty = attach(h, dirty, t_ns, ctl, work, r_u, r_m, r_n, aids, aid_t)
-        if not math.isfinite(m[M_DATA + 3]):
+        if not (math.isfinite(m[M_DATA + 3]) and math.isfinite(m[M_DATA + 4])):
             return dirty
         _start_row(h, GNSS_VELOCITY, t_valid, m)
         velocity_row(h, m)

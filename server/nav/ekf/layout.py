@@ -123,7 +123,8 @@ A_ACCEL_SUM: Final = 41  # (3)
 A_SITE: Final = 44  # (3) latitude rad, longitude rad, height m
 A_T_RATE: Final = 47  # last zero-rate update, ns
 A_GNSS_WANDER_VAR: Final = 48  # slow error of an ordinary receiver that no innovation shows, m² per axis
-A_SIZE: Final = 49
+A_T_RESET: Final = 49  # validity of the GNSS position that last set the state, ns
+A_SIZE: Final = 50
 
 # Scratch, so that nothing is allocated in a step.
 W_U: Final = 0  # (19) input of the covariance prediction

@@ -65,6 +65,7 @@ def publish(x: Float, P: Float, u: Float, par: Float, aux: Float, ctl: Int, out:
         out[13 + i] = math.sqrt(P[packed(VEL + i, VEL + i)])
         wander = aux[A_GNSS_WANDER_VAR] if i < 2 else 0.0
         out[16 + i] = math.sqrt(P[packed(POS + i, POS + i)] + wander)
+    out[8] = (out[8] + 180.0) % 360.0 - 180.0
     if ctl[C_BARO_SEEN]:
         out[18] = math.sqrt(P[packed(POS + 2, POS + 2)] + aux[A_BARO_OFFSET_VAR])
     out[29] = max(0.0, (u[U_T] - aux[A_T_GNSS]) * 1e-9) if ctl[C_MODE] == DEAD_RECKONING else 0.0

@@ -13,14 +13,29 @@ from server.nav.ekf.events import add_event
 from server.nav.ekf.history import push, rerun
 from server.nav.ekf.intake import take
 from server.nav.ekf.layout import (
+    A_ACCEL_MEAN,
+    A_ACCEL_VAR,
+    A_BARO_OFFSET,
+    A_BARO_OFFSET_VAR,
     A_GNSS_INTERVAL,
+    A_GNSS_WANDER_VAR,
+    A_GYRO_MEAN,
+    A_GYRO_VAR,
+    A_K_BARO,
+    A_K_POS,
+    A_K_VEL,
     A_MAG_WEIGHT,
+    A_SITE,
     A_T_GNSS,
     A_T_START,
+    C_ALIGNED_BEFORE,
+    C_BARO_SEEN,
     C_HAS_HEADING,
     C_MODE,
     C_POSITIONED,
+    C_REFUSED_RUN,
     C_STEPS,
+    C_STILL_STEPS,
     C_VALID,
     E_ALIGNED,
     E_FAILED,
@@ -28,13 +43,14 @@ from server.nav.ekf.layout import (
     E_GNSS_LOST,
     M_STEP,
     NEVER_NS,
+    PAR_GNSS_DELAY,
     U_GAP_S,
     U_T,
 )
 from server.nav.ekf.predict import predict
 from server.nav.ekf.pseudo import pseudo_measurements
 from server.nav.ekf.publish import publish
-from server.nav.ekf.states import ATT, POS, VEL, X_SIZE, X_VEL, packed
+from server.nav.ekf.states import ATT, POS, VEL, X_POS, X_Q, X_SIZE, X_VEL, packed
 from server.nav.ekf.update import reset_axis
 from server.nav.types import Float, Int
 
@@ -44,13 +60,30 @@ OUTAGE_S: Final = 1.0
 OUTAGE_INTERVALS: Final = 2.5
 
 
+@njit("void(float64[::1], float64[::1], float64[::1], int64[::1])", cache=True)
+def _forget(x: Float, P: Float, aux: Float, ctl: Int) -> None:
+    """Start again from nothing: no number of the failed state may reach the next one."""
+    x[:] = 0.0
+    P[:] = 0.0
+    x[X_Q] = 1.0
+    for i in range(3):
+        x[X_POS + i] = aux[A_SITE + i]
+        aux[A_GYRO_MEAN + i] = aux[A_GYRO_VAR + i] = aux[A_ACCEL_MEAN + i] = aux[A_ACCEL_VAR + i] = 0.0
+    aux[A_K_POS] = aux[A_K_VEL] = aux[A_K_BARO] = 1.0
+    aux[A_GNSS_WANDER_VAR] = aux[A_BARO_OFFSET] = aux[A_BARO_OFFSET_VAR] = aux[A_MAG_WEIGHT] = 0.0
+    aux[A_T_START] = NEVER_NS
+    ctl[C_POSITIONED] = ctl[C_VALID] = ctl[C_ALIGNED_BEFORE] = 0
+    ctl[C_BARO_SEEN] = ctl[C_REFUSED_RUN] = ctl[C_STILL_STEPS] = ctl[C_HAS_HEADING] = 0
+    restart(aux, ctl)
+
+
 @njit("void(float64[::1], float64[::1], float64, float64[:, ::1], int64[::1])", cache=True)
-def _mode(x: Float, aux: Float, t: float, events: Float, ctl: Int) -> None:
+def _mode(par: Float, aux: Float, t: float, events: Float, ctl: Int) -> None:
     """Set the lane's status from what it has; losing GNSS is an event."""
     if not ctl[C_POSITIONED]:
         ctl[C_MODE] = ATTITUDE
         return
-    limit = max(OUTAGE_S, OUTAGE_INTERVALS * aux[A_GNSS_INTERVAL])
+    limit = max(OUTAGE_S, OUTAGE_INTERVALS * aux[A_GNSS_INTERVAL]) + par[PAR_GNSS_DELAY]
     mode = DEAD_RECKONING if (t - aux[A_T_GNSS]) * 1e-9 > limit else NAVIGATING
     if mode == DEAD_RECKONING and ctl[C_MODE] == NAVIGATING:
         add_event(events, ctl, E_GNSS_LOST, t, limit, 0.0)
@@ -140,7 +173,7 @@ def run(
                 rows[n, i] = math.nan
             rows[n, 25], rows[n, 29] = ALIGNING, 0.0
             continue
-        _mode(x, aux, u[U_T], events, ctl)
+        _mode(par, aux, u[U_T], events, ctl)
         if not _sane(x, P):
             add_event(events, ctl, E_FAILED, u[U_T], 0.0, 0.0)
             ctl[C_MODE] = FAILED
@@ -148,8 +181,6 @@ def run(
                 rows[n, i] = math.nan
             rows[n, 25] = FAILED
             ctl[C_MODE] = ALIGNING  # start again from nothing, after saying so
-            ctl[C_POSITIONED] = ctl[C_VALID] = 0
-            restart(aux, ctl)
-            aux[A_T_START] = NEVER_NS
+            _forget(x, P, aux, ctl)
             continue
         publish(x, P, u, par, aux, ctl, rows[n])

@@ -26,7 +26,6 @@ from server.nav.types import (
     Site,
 )
 
-MAX_EVENTS: Final = 64
 EVENT_TEXTS: Final[dict[int, tuple[str, str, str, tuple[str, str]]]] = {
     at.E_ALIGNED: (
         "aligned",
@@ -127,10 +126,10 @@ class InsEkf:
         self._aux, self._ctl = np.zeros(at.A_SIZE), np.zeros(at.C_SIZE, dtype=np.int64)
         for index in (at.A_T_GNSS, at.A_T_GNSS_SEEN, at.A_T_START):
             self._aux[index] = at.NEVER_NS
-        for index in (at.A_T_MAG, at.A_T_BARO, at.A_T_STILL, at.A_T_RATE, at.A_T_GRAVITY):
+        for index in (at.A_T_RESET, at.A_T_MAG, at.A_T_BARO, at.A_T_STILL, at.A_T_RATE, at.A_T_GRAVITY):
             self._aux[index] = at.NEVER_NS
         self._aux[at.A_K_POS] = self._aux[at.A_K_VEL] = self._aux[at.A_K_BARO] = 1.0
-        self._aux[at.A_GNSS_INTERVAL] = 0.2
+        self._aux[at.A_GNSS_INTERVAL] = 1.0
         self._aux[at.A_GRAVITY] = 9.80665
         self._work, self._h = np.zeros(at.W_SIZE), np.zeros(at.H_SIZE)
         self._r_u, self._r_x = np.zeros((slots, at.U_SIZE)), np.zeros((slots, X_SIZE))
@@ -149,16 +148,17 @@ class InsEkf:
         aux[at.A_SITE : at.A_SITE + 3] = math.radians(site.lat_deg), math.radians(site.lon_deg), site.alt_m
         self._x[X_POS : X_POS + 3] = aux[at.A_SITE : at.A_SITE + 3]
         ctl[at.C_HAS_SITE] = 1
+        magnetic = ctl[at.C_HAS_HEADING] and aux[at.A_FIELD_H] > 0.0  # a course heading is true already
         if site.field_n_gauss:
             north, east, down = site.field_n_gauss
             aux[at.A_DECLINATION], aux[at.A_FIELD_D] = site.declination_rad, down
             aux[at.A_FIELD_H], ctl[at.C_HAS_FIELD] = math.hypot(north, east), 1
             variance = self._par[at.PAR_DECLINATION_SIGMA] ** 2
             self._P[packed(DECLINATION, DECLINATION)] = variance
-            if ctl[at.C_HAS_HEADING]:  # the heading is now the magnetic one plus a declination with its own error
+            if magnetic:  # the heading is now the magnetic one plus a declination with its own error
                 self._P[packed(ATT + 2, DECLINATION)] = variance
                 self._P[packed(ATT + 2, ATT + 2)] += variance
-            if ctl[at.C_MODE] != LaneStatus.ALIGNING and ctl[at.C_HAS_HEADING]:
+            if ctl[at.C_MODE] != LaneStatus.ALIGNING and magnetic:
                 turn_about_down(self._x, self._P, site.declination_rad)
                 self._pending.append(
                     self._event(at.E_YAW_RESET, self._r_u[self._newest(), 0], site.declination_rad, 0.0)
@@ -176,7 +176,7 @@ class InsEkf:
         rows = np.empty((n, len(LANE_COLUMNS)))
         most = 2 * len(meas) + 4 * n
         aids, aid_t = np.empty((most, len(AID_COLUMNS))), np.empty(most)
-        events = np.empty((MAX_EVENTS, at.E_SIZE))
+        events = np.empty((4 * n + len(meas) + 4, at.E_SIZE))
         self._ctl[at.C_AIDS] = self._ctl[at.C_EVENTS] = 0
         run(
             steps, meas, self._x, self._P, self._par, self._aux, self._ctl, self._work, self._withheld,

@@ -14,14 +14,14 @@ from typing import Final
 from numba import njit
 
 from server.nav.codes import (
+    AIRSPEED,
     BARO,
-    DMP,
     FUSED,
     GNSS,
     IMU,
     MAG,
-    ONBOARD,
     REFUSED_ORDER,
+    REFUSED_RANGE,
     REFUSED_REPEATED,
 )
 from server.nav.ekf.layout import (
@@ -47,6 +47,7 @@ from server.nav.preprocess.check import check_baro, check_gnss, check_imu, check
 from server.nav.preprocess.memory import (
     N_GAPS,
     N_ORDER,
+    N_RANGE,
     N_REPEATED,
     N_SAMPLES,
     NEVER_NS,
@@ -71,6 +72,8 @@ from server.nav.preprocess.memory import (
 from server.nav.rotation import matrix_entries, quat_from_rotvec, quat_mul, rotvec_from_quat
 from server.nav.types import ROW_WIDTH, Byte, Float, Int
 
+FUTURE_NS: Final = 2e9
+"""An aid stamped this far after the newest IMU sample is not of the same clock."""
 BRIDGE_S: Final = 0.1
 """A hole between IMU samples longer than this is reported; the step that holds it carries its length."""
 VIBRATION_CUTOFF_RAD_S: Final = 2.0 * math.pi * 5.0  # autopilots high-pass the vibration measure at 5 Hz
@@ -164,7 +167,10 @@ def _take_aid(kind: int, t: float, s: Float, n: Int, out: Float) -> None:
         status = check_gnss(row, counters)
     elif kind == BARO:
         status = check_baro(row, counters)
-    if t <= s[S_T_KIND + kind] and kind != ONBOARD:
+    if s[S_T_LAST] > NEVER_NS and t > s[S_T_LAST] + FUTURE_NS:  # a stamp of another clock would poison the order
+        counters[N_RANGE] += 1
+        status = REFUSED_RANGE
+    elif t <= s[S_T_KIND + kind]:
         repeated = t == s[S_T_KIND + kind]
         counters[N_REPEATED if repeated else N_ORDER] += 1
         status = REFUSED_REPEATED if repeated else REFUSED_ORDER
@@ -205,11 +211,13 @@ def accumulate(
         if kind[i] == IMU:
             if _take_imu(data[i], t, rate_hz, s, n, steps[n_steps]):
                 n_steps += 1
+            if s[S_T_LAST] != t:
+                continue  # refused: neither its rate nor its age counts
             if s[S_T_KIND + IMU] > NEVER_NS and t > s[S_T_KIND + IMU]:
                 interval = (t - s[S_T_KIND + IMU]) * 1e-9
                 s[S_RATE + IMU] += (0.01 if s[S_RATE + IMU] > 0.0 else 1.0) * (interval - s[S_RATE + IMU])
             s[S_T_KIND + IMU] = max(t, s[S_T_KIND + IMU])
-        elif MAG <= kind[i] <= DMP:
+        elif MAG <= kind[i] <= AIRSPEED:  # the rest is repeated by its lane, not fused
             for j in range(ROW_WIDTH):
                 meas[n_meas, M_DATA + j] = data[i, j]
             _take_aid(int(kind[i]), t, s, n, meas[n_meas])

@@ -117,7 +117,7 @@ def check_mag(row: Float, s: Float, counters: Int) -> int:
 @njit("int64(float64[::1], int64[::1])", cache=True)
 def check_gnss(row: Float, counters: Int) -> int:
     """Return the AidStatus of a GNSS row; an unknown fix type counts as three-dimensional."""
-    if row[9] < 3.0 or (math.isnan(row[0]) and math.isnan(row[3])):
+    if row[9] < 3.0 or ((math.isnan(row[0]) or math.isnan(row[1])) and (math.isnan(row[3]) or math.isnan(row[4]))):
         counters[N_NO_FIX] += 1
         return REFUSED_NO_FIX
     bad = abs(row[0]) > 90.0 or abs(row[1]) > 360.0 or abs(row[2]) > 1e5 or (row[0] == 0.0 and row[1] == 0.0)

@@ -9,9 +9,10 @@ from numba import njit
 
 from server.nav.codes import (
     MULTIROTOR,
+    REFUSED_DISTURBED,
 )
 from server.nav.ekf.aiding.mag import field_in_ned
-from server.nav.ekf.align import set_heading
+from server.nav.ekf.align import LEAST_NORTH_GAUSS, set_heading
 from server.nav.ekf.events import add_event
 from server.nav.ekf.layout import (
     A_DECLINATION,
@@ -46,6 +47,9 @@ COURSE_SPEED_M_S: Final = 3.0  # below it the course of a receiver is noise
 def late_heading(h: Float, x: Float, P: Float, u: Float, aux: Float, ctl: Int, work: Float, events: Float) -> None:
     """Take the heading from the first magnetic field that comes after the alignment."""
     z = field_in_ned(h, x, u)
+    if math.hypot(z[0], z[1]) < LEAST_NORTH_GAUSS:
+        h[H_STATUS] = REFUSED_DISTURBED
+        return
     if not ctl[C_HAS_FIELD]:
         aux[A_FIELD_H], aux[A_FIELD_D] = math.hypot(z[0], z[1]), z[2]
     angle = aux[A_DECLINATION] - math.atan2(z[1], z[0])

@@ -21,6 +21,7 @@ from server.nav.ekf.layout import (
     A_K_VEL,
     A_SITE,
     A_T_BARO,
+    A_T_RESET,
     C_BARO_SEEN,
     C_POSITIONED,
     H_ACC,
@@ -120,7 +121,8 @@ def _judge(h: Float, P: Float, par: Float, work: Float, state: int, n: int) -> N
     for i in range(n):
         variance = P[packed(state + i, state + i)] + h[H_VAR + i]
         work[W_VAR + i] = variance
-        worst = max(worst, work[W_INNOV + i] ** 2 / (par[PAR_GATE] ** 2 * variance))
+        ratio = work[W_INNOV + i] ** 2 / (par[PAR_GATE] ** 2 * variance)
+        worst = ratio if not ratio <= worst else worst  # a NaN stays and refuses
     work[W_RATIO] = worst
     h[H_STATUS] = FUSED if worst <= 1.0 else REFUSED_GATE
 
@@ -201,7 +203,9 @@ def reset_position(h: Float, x: Float, P: Float, u: Float, par: Float, aux: Floa
     ctl[C_POSITIONED] = 1
     ant = antenna(x, u, par, aux, ctl, h[H_T])
     move_position(x, -ant[0], -ant[1], -ant[2])
-    aux[A_K_POS] = aux[A_K_VEL] = 1.0
+    if h[H_STATUS] == UNDECIDED:
+        aux[A_K_POS] = aux[A_K_VEL] = 1.0
+        aux[A_T_RESET] = h[H_T]
 
 
 @njit(HANDLER, cache=True)
