@@ -9,6 +9,7 @@ from __future__ import annotations
 
 import math
 from collections import deque
+from collections.abc import Mapping
 from typing import Final
 
 import numpy as np
@@ -16,13 +17,15 @@ import numpy as np
 from server.nav.codes import FUSED, GNSS, MAG
 from server.nav.ekf import layout as at
 from server.nav.health import AidBook, mag_scale_event, sensor_health
-from server.nav.lanes.base import Lane
-from server.nav.lanes.ins_ekf import InsEkf, parameters
+from server.nav.lanes.bank import LaneBank
+from server.nav.lanes.base import LaneContext
 from server.nav.lanes.passthrough import SOURCE, merged, repeat
+from server.nav.lanes.registry import LANES, LaneInfo, provides_of
 from server.nav.parts import Part, join, join_aids
 from server.nav.preprocess.accumulate import accumulate
 from server.nav.preprocess.filtered import filtered_rows
 from server.nav.preprocess.memory import S_MAG_SCALE, new_memory
+from server.nav.preprocess.withhold import USE_AIRSPEED, USE_BARO, USE_GNSS, USE_MAG, withhold
 from server.nav.site import SiteFinder
 from server.nav.types import (
     STEP_COLUMNS,
@@ -41,8 +44,6 @@ from server.nav.types import (
     VehicleClass,
 )
 
-LANES: Final = ("ins_ekf", "onboard", "reference")
-"""Every lane there is; the others of the field take their place here."""
 EVENTS_KEPT: Final = 100
 CARRIED_ROWS: Final = 2048
 
@@ -58,14 +59,14 @@ class NavEngine:
             field_model: the magnetic model, called once per site.
 
         Raises:
-            ValueError: a lane that does not exist, or a navigation rate that is not positive.
+            ValueError: a lane or parameter that does not exist, or a value outside its limits.
         """
-        unknown = [lane for lane in settings.lanes if lane not in LANES]
-        if unknown:
-            raise ValueError(f"no lane called {', '.join(unknown)}; there are: {', '.join(LANES)}")
         if not 1.0 <= settings.nav_rate_hz <= 2000.0:
             raise ValueError(f"nav_rate_hz is {settings.nav_rate_hz}; it must lie between 1 and 2000")
         self._settings, self._field_model = settings, field_model
+        self._bank = LaneBank(settings)
+        self._use = USE_GNSS * settings.use_gnss + USE_BARO * settings.use_baro
+        self._use += USE_MAG * settings.use_mag + USE_AIRSPEED * settings.use_airspeed
         self._events: deque[Event] = deque(maxlen=EVENTS_KEPT)
         self._boot_id = 0
         self._restart(0)
@@ -79,7 +80,7 @@ class NavEngine:
         self._vehicle = int(self._settings.vehicle)
         self._carried = np.empty((0, at.M_SIZE))
         self._held = np.full(5, np.nan)
-        self._lanes: list[Lane] = []
+        self._bank.clear()
         self._book = AidBook()
         self._newest: dict[str, LaneState] = {}
         self._filtered: tuple[float, ...] = ()
@@ -110,12 +111,38 @@ class NavEngine:
         held_back = np.array(self._settings.gnss_withheld_s, dtype=np.float64).reshape(-1, 2)
         self._withheld_ns = np.ascontiguousarray(np.rint(held_back * 1e9) + (origin - t0_ns))
         self._resolve_delays((math.nan,) * 4)
-        if "ins_ekf" in self._settings.lanes:
-            self._lanes.append(InsEkf(self._settings, self._parameters(), self._withheld_ns, t0_ns))
+        self._bank.start(self._lane_context())
 
-    def _parameters(self) -> Float:
+    def _lane_context(self) -> LaneContext:
         imu, mag, gnss, baro = self._delays_s
-        return parameters(self._settings, (imu, mag, gnss, baro), self._vehicle)
+        return LaneContext(
+            settings=self._settings,
+            t0_ns=self._t0_ns,
+            delays_s=(imu, mag, gnss, baro),
+            vehicle=self._vehicle,
+            values={},
+        )
+
+    def choose_lanes(self, names: tuple[str, ...]) -> None:
+        """Run these lanes from the next step on; those that run already go on undisturbed.
+
+        Raises:
+            ValueError: a lane that does not exist, one named twice, or none.
+        """
+        self._bank.choose(names)
+        self._newest = {name: state for name, state in self._newest.items() if name in names}
+
+    def set_lane_parameters(self, lane: str, values: Mapping[str, float]) -> None:
+        """Change parameters of one lane from the next step on.
+
+        Raises:
+            ValueError: unknown lane or parameter, or a value outside its limits; nothing is changed then.
+        """
+        self._bank.set_values(lane, values)
+
+    def lanes(self) -> tuple[LaneInfo, ...]:
+        """Return every lane there is: whether it runs, what it provides, and its parameters as they are set."""
+        return self._bank.info()
 
     def _resolve_delays(self, profile_s: tuple[float, ...]) -> None:
         """Settings win over the protocol's profile, the profile over zero."""
@@ -134,9 +161,7 @@ class NavEngine:
         self._resolve_delays((float(row[0]), float(row[1]), float(row[2]), float(row[3])))
         if self._settings.vehicle == VehicleClass.UNKNOWN and math.isfinite(row[4]):
             self._vehicle = int(row[4])
-        for lane in self._lanes:
-            if isinstance(lane, InsEkf):
-                lane.configure(self._parameters())
+        self._bank.start(self._lane_context())
 
     def _advance(self, block: SampleBlock, begin: int, end: int) -> Part:
         """Run preprocessing and lanes over rows [begin, end) of a block."""
@@ -172,6 +197,7 @@ class NavEngine:
     def _run_lanes(self, steps: Float, meas: Float, part: Part) -> None:
         """Run every lane, in two halves when the site is settled in between."""
         self._steps += len(steps)
+        withhold(meas, self._withheld_ns, self._delays_s[2], self._use)
         part.filtered = np.empty((len(steps), len(STEP_COLUMNS)))
         filtered_rows(steps, meas, self._held, part.filtered)
         part.t_ns = steps[:, at.U_T].astype(np.int64) + self._t0_ns
@@ -181,8 +207,7 @@ class NavEngine:
             if settled >= 0:
                 self._run_some(steps, meas, 0, settled, part)
                 begin = settled
-                for lane in self._lanes:
-                    lane.set_site(self._finder.site)  # type: ignore[arg-type]  # just settled
+                self._bank.set_site(self._finder.site)  # type: ignore[arg-type]  # just settled
         self._run_some(steps, meas, begin, len(steps), part)
 
     def _find_site(self, steps: Float, meas: Float) -> int:
@@ -196,10 +221,7 @@ class NavEngine:
     def _first_fix(self, steps: Float, meas: Float) -> int:
         """Tell the finder the first fix that a lane may use; return its step, −1 when there is none."""
         good = meas[(meas[:, at.M_KIND] == GNSS) & (meas[:, at.M_STATUS] == FUSED)]
-        for m in good if self._settings.use_gnss else ():
-            valid_ns = m[at.M_T] - self._delays_s[2] * 1e9
-            if ((self._withheld_ns[:, 0] <= valid_ns) & (valid_ns < self._withheld_ns[:, 1])).any():
-                continue
+        for m in good:
             k = int(m[at.M_STEP])
             lat_deg, lon_deg, alt_m = m[at.M_DATA : at.M_DATA + 3].tolist()
             if self._finder.take_fix(lat_deg, lon_deg, alt_m, int(steps[k, at.U_T])):
@@ -215,13 +237,14 @@ class NavEngine:
         if begin:
             own = own.copy()
             own[:, at.M_STEP] -= begin
-        part.results += [lane.step(steps[begin:end], own, part.t_ns[begin:end]) for lane in self._lanes]
+        part.results += self._bank.step(steps[begin:end], own, part.t_ns[begin:end])
 
     def _collect(self, block: SampleBlock, parts: list[Part]) -> StepResult:
         """Join what the parts gave and keep the newest of everything for the snapshot."""
         results = [result for part in parts for result in part.results]
-        rows = [join([r.rows for r in results if r.rows.lane == lane.name]) for lane in self._lanes]
-        rows += [repeat(name, block, self._finder.site) for name in SOURCE if name in self._settings.lanes]
+        names = dict.fromkeys(r.rows.lane for r in results)
+        rows = [join([r.rows for r in results if r.rows.lane == name]) for name in names]
+        rows += [repeat(name, block, self._finder.site) for name in SOURCE if name in self._bank.chosen]
         lanes = tuple(r for r in rows if r is not None)
         aids = join_aids([r.aids for r in results if r.aids is not None])
         filtered = [p for p in parts if len(p.filtered)]
@@ -250,8 +273,13 @@ class NavEngine:
             before = self._newest.get(rows.lane)
             if rows.lane in SOURCE and before is not None:  # attitude and position come in turns
                 row = merged(row, before.row)
-            provides = next((lane.provides for lane in self._lanes if lane.name == rows.lane), "full")
-            self._newest[rows.lane] = LaneState(lane=rows.lane, provides=provides, t_ns=t_ns, row=row)
+            self._newest[rows.lane] = LaneState(
+                lane=rows.lane,
+                provides=provides_of(rows.lane),
+                t_ns=t_ns,
+                row=row,
+                failure=self._bank.failure(rows.lane),
+            )
             self._t_ns = max(self._t_ns, t_ns)
         if filtered:
             self._filtered = tuple(filtered[-1].filtered[-1].tolist())

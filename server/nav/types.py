@@ -6,6 +6,7 @@ frames once, here; CSV headers, WebSocket rows and plots all take their names fr
 
 from __future__ import annotations
 
+from collections.abc import Mapping
 from dataclasses import dataclass, field
 from enum import IntEnum
 from typing import Final, Protocol
@@ -364,12 +365,13 @@ class Site:
 
 @dataclass(frozen=True, slots=True, kw_only=True, eq=False)
 class LaneState:
-    """Newest state of one lane: `row` has shape (len(LANE_COLUMNS),), valid at `t_ns`."""
+    """Newest state of one lane: `row` has shape (len(LANE_COLUMNS),), valid at `t_ns`; `failure` says why it ended."""
 
     lane: str
     provides: str  # "full", "attitude", "altitude"
     t_ns: int
     row: Float
+    failure: str = ""
 
 
 @dataclass(frozen=True, slots=True, kw_only=True, eq=False)
@@ -403,6 +405,7 @@ class EngineSettings:
     Attributes:
         nav_rate_hz: navigation steps a second, up to the IMU's own rate.
         lanes: names of the estimators to run.
+        lane_parameters: lane → parameter → value, for what differs from the lane's defaults (`lanes.registry`).
         vehicle: class of vehicle; UNKNOWN takes the board's own word, else general defaults.
         site_*: fix the local origin; NaN = the first 3-D fix.
         decimal_year: date of the magnetic model; NaN = the board's date, else the model's epoch.
@@ -416,6 +419,7 @@ class EngineSettings:
 
     nav_rate_hz: float = 50.0
     lanes: tuple[str, ...] = ("ins_ekf", "onboard", "reference")
+    lane_parameters: Mapping[str, Mapping[str, float]] = field(default_factory=dict)
     vehicle: VehicleClass = VehicleClass.UNKNOWN
     site_lat_deg: float = float("nan")
     site_lon_deg: float = float("nan")

@@ -17,9 +17,7 @@ from server.nav.codes import (
     GNSS_VELOCITY,
     MAG,
     MAG_FIELD,
-    REFUSED_DISABLED,
     REFUSED_NOT_READY,
-    REFUSED_WITHHELD,
 )
 from server.nav.ekf.handle import clear_record, record
 from server.nav.ekf.history import attach
@@ -53,7 +51,6 @@ from server.nav.ekf.layout import (
     PAR_GNSS_DELAY,
     PAR_IMU_DELAY,
     PAR_MAG_DELAY,
-    PAR_USE,
     UNDECIDED,
 )
 from server.nav.types import Float, Int
@@ -74,23 +71,6 @@ MIN_ACC_M_S: Final = 0.02
 @njit("float64(float64, float64, float64)", cache=True)
 def _known(value: float, otherwise: float, least: float) -> float:
     return max(least, value) if math.isfinite(value) else otherwise
-
-
-@njit("int64(float64[::1], float64, float64[:, ::1], float64[::1])", cache=True)
-def standing(m: Float, delay_s: float, withheld: Float, par: Float) -> int:
-    """Return the AidStatus a measurement has before the filter sees it."""
-    kind = int(m[M_KIND])
-    bit = 1 if kind == GNSS else (2 if kind == BARO else 4)
-    if m[M_STATUS] != FUSED:
-        return int(m[M_STATUS])
-    if not int(par[PAR_USE]) & bit:
-        return REFUSED_DISABLED
-    if kind == GNSS:
-        t = m[M_T] - delay_s * 1e9
-        for i in range(withheld.shape[0]):
-            if withheld[i, 0] <= t < withheld[i, 1]:
-                return REFUSED_WITHHELD
-    return FUSED
 
 
 @njit("void(float64[::1], float64, float64, float64[::1])", cache=True)
@@ -136,7 +116,7 @@ def _note_gnss(m: Float, t_valid: float, aux: Float) -> None:
 
 @njit(
     "int64(float64[::1], int64, float64, float64[::1], float64[::1], int64[::1], float64[::1], float64[:, ::1],"
-    " float64[:, ::1], float64[:, :, ::1], int64[::1], float64[:, ::1], float64[::1], float64[::1])",
+    " float64[:, :, ::1], int64[::1], float64[:, ::1], float64[::1], float64[::1])",
     cache=True,
 )
 def take(
@@ -147,7 +127,6 @@ def take(
     aux: Float,
     ctl: Int,
     work: Float,
-    withheld: Float,
     r_u: Float,
     r_m: Float,
     r_n: Int,
@@ -166,7 +145,7 @@ def take(
     delay = par[PAR_GNSS_DELAY] if kind == GNSS else (par[PAR_BARO_DELAY] if kind == BARO else par[PAR_MAG_DELAY])
     aid = GNSS_POSITION if kind == GNSS else (BARO_HEIGHT if kind == BARO else MAG_FIELD)
     t_valid = m[M_T] + (par[PAR_IMU_DELAY] - delay) * 1e9
-    status = standing(m, delay, withheld, par)
+    status = int(m[M_STATUS])
     if kind == MAG and status == FUSED:
         ctl[C_MAG_SEEN] = 1
         if ctl[C_MODE] == ALIGNING:

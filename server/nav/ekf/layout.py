@@ -62,9 +62,8 @@ PAR_ACCEL_BIAS_SIGMA: Final = 16  # m/s²
 PAR_BARO_DRIFT: Final = 17  # m/√s
 PAR_VEHICLE: Final = 18
 PAR_GRAVITY_NOISE: Final = 19  # m/s²
-PAR_USE: Final = 20  # bits: 1 GNSS, 2 baro, 4 magnetometer
-PAR_DECLINATION_WALK: Final = 21  # rad/√s
-PAR_SIZE: Final = 22
+PAR_DECLINATION_WALK: Final = 20  # rad/√s
+PAR_SIZE: Final = 21
 
 NEVER_NS: Final = -1e18
 """A time before every other."""

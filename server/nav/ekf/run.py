@@ -100,7 +100,7 @@ def _sane(x: Float, P: Float) -> bool:
 
 @njit(
     "void(float64[:, ::1], float64[:, ::1], float64[::1], float64[::1], float64[::1], float64[::1], int64[::1],"
-    " float64[::1], float64[:, ::1], float64[:, ::1], float64[:, ::1], float64[:, ::1], float64[:, :, ::1], int64[::1],"
+    " float64[::1], float64[:, ::1], float64[:, ::1], float64[:, ::1], float64[:, :, ::1], int64[::1],"
     " float64[:, ::1], float64[:, ::1], float64[::1], float64[:, ::1], float64[::1])",
     cache=True,
 )
@@ -113,7 +113,6 @@ def run(
     aux: Float,
     ctl: Int,
     work: Float,
-    withheld: Float,
     r_u: Float,
     r_x: Float,
     r_P: Float,
@@ -130,7 +129,6 @@ def run(
     Args:
         steps: shape (n, U_SIZE). meas: shape (k, M_SIZE), M_STEP ascending in [0, n).
         x, P, par, aux, ctl, work, r_*: state, parameters, memory, scratch and history, `layout`.
-        withheld: shape (j, 2), intervals of validity ns whose GNSS is held back.
         rows: shape (n, len(LANE_COLUMNS)), written.
         aids, aid_t, events: records, counted in ctl[C_AIDS] and ctl[C_EVENTS].
         h: shape (H_SIZE,), scratch.
@@ -163,7 +161,7 @@ def run(
             push(u, x, P, ctl, r_u, r_x, r_P, r_n)
             dirty = pseudo_measurements(u, dirty, x, aux, ctl, work, r_u, r_m, r_n, aids, aid_t, h, par)
         while k < meas.shape[0] and meas[k, M_STEP] <= n:
-            dirty = take(meas[k], dirty, u[U_T], par, aux, ctl, work, withheld, r_u, r_m, r_n, aids, aid_t, h)
+            dirty = take(meas[k], dirty, u[U_T], par, aux, ctl, work, r_u, r_m, r_n, aids, aid_t, h)
             k += 1
         if dirty >= 0:
             rerun(dirty, u[U_T], x, P, par, aux, ctl, work, r_u, r_x, r_P, r_m, r_n, aids, aid_t, events)

@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 import math
-from typing import Final
+from typing import ClassVar, Final
 
 import numpy as np
 
@@ -12,12 +12,11 @@ from server.nav.ekf import layout as at
 from server.nav.ekf.align import turn_about_down
 from server.nav.ekf.run import run
 from server.nav.ekf.states import ATT, DECLINATION, PACKED, X_POS, X_Q, X_SIZE, packed
-from server.nav.lanes.base import LaneResult
+from server.nav.lanes.base import LaneContext, LaneResult, Parameter, Provides
 from server.nav.types import (
     AID_COLUMNS,
     LANE_COLUMNS,
     AidRows,
-    EngineSettings,
     Event,
     Float,
     Int,
@@ -69,58 +68,92 @@ EVENT_TEXTS: Final[dict[int, tuple[str, str, str, tuple[str, str]]]] = {
 }
 
 
-def parameters(settings: EngineSettings, delays_s: tuple[float, float, float, float], vehicle: int) -> Float:
-    """Return the kernel's parameter array: settings where given, the vehicle class's defaults elsewhere.
+PARAMETERS: Final = (
+    Parameter(
+        name="gyro_noise_rad_s_rthz", unit="rad/s/√Hz", default=math.nan, minimum=1e-7, maximum=0.1,
+        meaning="Gyro noise density in the vehicle; larger trusts the aids more and the gyro less.",
+    ),
+    Parameter(
+        name="accel_noise_m_s2_rthz", unit="m/s²/√Hz", default=math.nan, minimum=1e-6, maximum=10.0,
+        meaning="Accelerometer noise density in the vehicle; measured vibration comes on top.",
+    ),
+    Parameter(
+        name="gyro_bias_walk_rad_s2_rthz", unit="rad/s²/√Hz", default=math.nan, minimum=1e-9, maximum=0.01,
+        meaning="How fast the gyro bias may wander, with temperature above all.",
+    ),
+    Parameter(
+        name="accel_bias_walk_m_s3_rthz", unit="m/s³/√Hz", default=math.nan, minimum=1e-8, maximum=1.0,
+        meaning="How fast the accelerometer bias may wander.",
+    ),
+    Parameter(
+        name="accel_bias_sigma_m_s2", unit="m/s²", default=defaults.ACCEL_BIAS_SIGMA_M_S2, minimum=1e-4, maximum=5.0,
+        meaning="Standard deviation of the accelerometer bias at the start; small after a calibration.",
+    ),
+    Parameter(
+        name="mag_noise_gauss", unit="gauss", default=math.nan, minimum=1e-4, maximum=1.0,
+        meaning="Magnetometer noise and unmodelled disturbance; larger trusts its heading less.",
+    ),
+    Parameter(
+        name="baro_noise_m", unit="m", default=math.nan, minimum=0.01, maximum=50.0,
+        meaning="Noise of a baro height; larger trusts it less.",
+    ),
+    Parameter(
+        name="gravity_noise_m_s2", unit="m/s²", default=math.nan, minimum=0.01, maximum=20.0,
+        meaning="Accelerations that hide gravity while there is no GNSS; larger trusts the accelerometer's tilt less.",
+    ),
+    Parameter(
+        name="declination_sigma_rad", unit="rad", default=math.nan, minimum=0.0, maximum=1.0,
+        meaning="Error of the magnetic model's declination; zero keeps the model's value.",
+    ),
+    Parameter(
+        name="gate_sigma", unit="", default=defaults.GATE_SIGMA, minimum=2.0, maximum=100.0,
+        meaning="A measurement further from its prediction than this many standard deviations is refused.",
+    ),
+)  # fmt: skip
 
-    Args:
-        settings: NaN means "not given".
-        delays_s: IMU, magnetometer, GNSS, baro, as resolved by the engine.
-        vehicle: value of `VehicleClass`.
-    """
-    noise = defaults.of_vehicle(vehicle)
 
-    def given(value: float, otherwise: float) -> float:
-        return otherwise if math.isnan(value) else value
+def kernel_parameters(context: LaneContext) -> Float:
+    """Return the kernel's parameter array: the lane's values, else the settings', else the vehicle class's."""
+    noise, settings, values = defaults.of_vehicle(context.vehicle), context.settings, context.values
+
+    def given(name: str) -> float:
+        candidates = (values[name], getattr(settings, name, math.nan), getattr(noise, name, math.nan))
+        return float(next(value for value in candidates if not math.isnan(value)))
 
     par = np.zeros(at.PAR_SIZE)
-    par[at.PAR_GYRO_NOISE] = given(settings.gyro_noise_rad_s_rthz, noise.gyro_noise_rad_s_rthz)
-    par[at.PAR_ACCEL_NOISE] = given(settings.accel_noise_m_s2_rthz, noise.accel_noise_m_s2_rthz)
-    par[at.PAR_GYRO_WALK] = given(settings.gyro_bias_walk_rad_s2_rthz, noise.gyro_bias_walk_rad_s2_rthz)
-    par[at.PAR_ACCEL_WALK] = given(settings.accel_bias_walk_m_s3_rthz, noise.accel_bias_walk_m_s3_rthz)
-    par[at.PAR_GATE] = defaults.GATE_SIGMA
-    par[at.PAR_MAG_NOISE] = noise.mag_noise_gauss
-    par[at.PAR_DECLINATION_SIGMA] = noise.declination_sigma_rad
+    par[at.PAR_GYRO_NOISE] = given("gyro_noise_rad_s_rthz")
+    par[at.PAR_ACCEL_NOISE] = given("accel_noise_m_s2_rthz")
+    par[at.PAR_GYRO_WALK] = given("gyro_bias_walk_rad_s2_rthz")
+    par[at.PAR_ACCEL_WALK] = given("accel_bias_walk_m_s3_rthz")
+    par[at.PAR_GATE] = given("gate_sigma")
+    par[at.PAR_MAG_NOISE] = given("mag_noise_gauss")
+    par[at.PAR_DECLINATION_SIGMA] = given("declination_sigma_rad")
     par[at.PAR_DECLINATION_WALK] = defaults.DECLINATION_WALK_RAD_RTS
-    par[at.PAR_BARO_NOISE] = noise.baro_noise_m
+    par[at.PAR_BARO_NOISE] = given("baro_noise_m")
     par[at.PAR_GNSS_CORRELATION] = defaults.GNSS_CORRELATION
     par[at.PAR_LEVER : at.PAR_LEVER + 3] = settings.lever_arm_b_m
-    par[at.PAR_IMU_DELAY], par[at.PAR_MAG_DELAY], par[at.PAR_GNSS_DELAY], par[at.PAR_BARO_DELAY] = delays_s
-    par[at.PAR_ACCEL_BIAS_SIGMA] = defaults.ACCEL_BIAS_SIGMA_M_S2
+    delays = [0.0 if math.isnan(delay) else delay for delay in context.delays_s]
+    par[at.PAR_IMU_DELAY], par[at.PAR_MAG_DELAY], par[at.PAR_GNSS_DELAY], par[at.PAR_BARO_DELAY] = delays
+    par[at.PAR_ACCEL_BIAS_SIGMA] = given("accel_bias_sigma_m_s2")
     par[at.PAR_BARO_DRIFT] = defaults.BARO_DRIFT_M_RTS
-    par[at.PAR_VEHICLE] = vehicle
-    par[at.PAR_GRAVITY_NOISE] = noise.gravity_noise_m_s2
-    par[at.PAR_USE] = 1 * settings.use_gnss + 2 * settings.use_baro + 4 * settings.use_mag
+    par[at.PAR_VEHICLE] = context.vehicle
+    par[at.PAR_GRAVITY_NOISE] = given("gravity_noise_m_s2")
     return par
 
 
 class InsEkf:
     """Owns the filter's arrays and nothing else; `ekf.run.run` computes."""
 
-    name = "ins_ekf"
-    provides = "full"
+    name: ClassVar[str] = "ins_ekf"
+    provides: ClassVar[Provides] = "full"
+    parameters: ClassVar[tuple[Parameter, ...]] = PARAMETERS
 
-    def __init__(self, settings: EngineSettings, par: Float, withheld_ns: Float, t0_ns: int) -> None:
-        """Start before the first step.
-
-        Args:
-            settings: the engine's.
-            par: shape (PAR_SIZE,), from `parameters`; replaced by `configure`.
-            withheld_ns: shape (j, 2), intervals counted from `t0_ns` whose GNSS is held back.
-            t0_ns: board time the kernels count from.
-        """
+    def __init__(self, context: LaneContext) -> None:
+        """Start before the first step."""
+        settings = context.settings
         slots = max(16, math.ceil(defaults.HISTORY_S * settings.nav_rate_hz))
-        self._t0_ns = t0_ns
-        self._par, self._withheld = par, withheld_ns
+        self._t0_ns = context.t0_ns
+        self._par = kernel_parameters(context)
         self._x, self._P = np.zeros(X_SIZE), np.zeros(PACKED)
         self._x[X_Q] = 1.0
         self._aux, self._ctl = np.zeros(at.A_SIZE), np.zeros(at.C_SIZE, dtype=np.int64)
@@ -138,9 +171,9 @@ class InsEkf:
         self._r_n = np.zeros(slots, dtype=np.int64)
         self._pending: list[Event] = []
 
-    def configure(self, par: Float) -> None:
+    def configure(self, context: LaneContext) -> None:
         """Take other parameters from the next step on."""
-        self._par = par
+        self._par = kernel_parameters(context)
 
     def set_site(self, site: Site) -> None:
         """Take the origin and, where the model gave one, the field; a heading held against magnetic north turns."""
@@ -179,7 +212,7 @@ class InsEkf:
         events = np.empty((4 * n + len(meas) + 4, at.E_SIZE))
         self._ctl[at.C_AIDS] = self._ctl[at.C_EVENTS] = 0
         run(
-            steps, meas, self._x, self._P, self._par, self._aux, self._ctl, self._work, self._withheld,
+            steps, meas, self._x, self._P, self._par, self._aux, self._ctl, self._work,
             self._r_u, self._r_x, self._r_P, self._r_m, self._r_n, rows, aids, aid_t, events, self._h,
         )  # fmt: skip
         k = int(self._ctl[at.C_AIDS])

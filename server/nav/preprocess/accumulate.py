@@ -16,6 +16,7 @@ from numba import njit
 from server.nav.codes import (
     AIRSPEED,
     BARO,
+    DMP,
     FUSED,
     GNSS,
     IMU,
@@ -217,7 +218,7 @@ def accumulate(
                 interval = (t - s[S_T_KIND + IMU]) * 1e-9
                 s[S_RATE + IMU] += (0.01 if s[S_RATE + IMU] > 0.0 else 1.0) * (interval - s[S_RATE + IMU])
             s[S_T_KIND + IMU] = max(t, s[S_T_KIND + IMU])
-        elif MAG <= kind[i] <= AIRSPEED:  # the rest is repeated by its lane, not fused
+        elif MAG <= kind[i] <= AIRSPEED or kind[i] == DMP:  # the rest is repeated by its lane, not fused
             for j in range(ROW_WIDTH):
                 meas[n_meas, M_DATA + j] = data[i, j]
             _take_aid(int(kind[i]), t, s, n, meas[n_meas])

@@ -1,0 +1,141 @@
+"""The lanes that run: started, changed and put aside while samples flow, without taking each other down."""
+
+from __future__ import annotations
+
+from collections.abc import Mapping
+from dataclasses import replace
+from typing import Final
+
+import numpy as np
+
+from server.nav.codes import FAILED
+from server.nav.lanes.base import Lane, LaneContext, LaneResult
+from server.nav.lanes.registry import (
+    ESTIMATORS,
+    LANES,
+    LaneInfo,
+    check_lanes,
+    check_values,
+    defaults_of,
+    make,
+    parameters_of,
+    provides_of,
+)
+from server.nav.types import LANE_COLUMNS, EngineSettings, Event, Float, Int, LaneRows, Site
+
+STATUS: Final = LANE_COLUMNS.index("status")
+
+
+class LaneBank:
+    """Owns the lanes of one engine. What was chosen outlives a reboot of the board; the lanes themselves do not."""
+
+    def __init__(self, settings: EngineSettings) -> None:
+        """Take the first choice.
+
+        Raises:
+            ValueError: a lane or parameter that does not exist, or a value outside its limits.
+        """
+        check_lanes(settings.lanes)
+        for lane, values in settings.lane_parameters.items():
+            check_values(lane, values)
+        self.chosen: tuple[str, ...] = settings.lanes
+        self._values = {name: defaults_of(name) | dict(settings.lane_parameters.get(name, {})) for name in ESTIMATORS}
+        self._running: dict[str, Lane] = {}
+        self._failures: dict[str, str] = {}
+        self._context: LaneContext | None = None
+        self._site: Site | None = None
+
+    def clear(self) -> None:
+        """Forget the lanes: the board has started again."""
+        self._running, self._failures = {}, {}
+        self._context = self._site = None
+
+    def start(self, context: LaneContext) -> None:
+        """Make the chosen lanes, or give running ones another context."""
+        self._context = context
+        for name, lane in self._running.items():
+            lane.configure(self._for(name, context))
+        for name in self.chosen:
+            if name in ESTIMATORS and name not in self._running and name not in self._failures:
+                self._running[name] = make(name, self._for(name, context))
+                if self._site is not None:
+                    self._running[name].set_site(self._site)
+
+    def _for(self, name: str, context: LaneContext) -> LaneContext:
+        return replace(context, values=dict(self._values[name]))
+
+    def choose(self, names: tuple[str, ...]) -> None:
+        """Run these lanes from the next step on: those that run go on, new ones start from nothing.
+
+        Raises:
+            ValueError: a lane that does not exist, or none.
+        """
+        check_lanes(names)
+        self.chosen = names
+        self._failures = {}
+        self._running = {name: lane for name, lane in self._running.items() if name in names}
+        if self._context is not None:
+            self.start(self._context)
+
+    def set_values(self, name: str, values: Mapping[str, float]) -> None:
+        """Change parameters of one lane from the next step on; a lane that was put aside starts again.
+
+        Raises:
+            ValueError: unknown lane or parameter, or a value outside its limits; nothing is changed then.
+        """
+        check_values(name, values)
+        if name not in ESTIMATORS:
+            return
+        self._values[name] |= dict(values)
+        self._failures.pop(name, None)
+        if self._context is not None:
+            self.start(self._context)
+
+    def set_site(self, site: Site) -> None:
+        """Tell every lane the origin and its magnetic field."""
+        self._site = site
+        for lane in self._running.values():
+            lane.set_site(site)
+
+    def step(self, steps: Float, meas: Float, t_ns: Int) -> list[LaneResult]:
+        """Advance every lane over the same steps; one that raises is put aside and says so."""
+        results = []
+        for name in list(self._running):
+            try:
+                results.append(self._running[name].step(steps, meas, t_ns))
+            except Exception as error:  # one estimator's defect must not end the others' flight
+                del self._running[name]
+                self._failures[name] = f"{type(error).__name__}: {error}"
+                results.append(_failed(name, t_ns, self._failures[name]))
+        return results
+
+    def failure(self, name: str) -> str:
+        """Return why a lane was put aside; "" when it was not."""
+        return self._failures.get(name, "")
+
+    def info(self) -> tuple[LaneInfo, ...]:
+        """Return every lane there is, with its parameters as they are set."""
+        return tuple(
+            LaneInfo(
+                name=name,
+                provides=provides_of(name),
+                running=name in self.chosen and name not in self._failures,
+                failure=self.failure(name),
+                parameters=parameters_of(name),
+                values=dict(self._values.get(name, {})),
+            )
+            for name in LANES
+        )
+
+
+def _failed(name: str, t_ns: Int, why: str) -> LaneResult:
+    """Return the one row that says so."""
+    data = np.full((1, len(LANE_COLUMNS)), np.nan)
+    data[0, STATUS] = FAILED
+    event = Event(
+        t_ns=int(t_ns[-1]),
+        code="lane-failed",
+        severity="warning",
+        text=f"The estimator {name} failed ({why}) and was put aside; choose it again to restart it, and report this.",
+    )
+    return LaneResult(rows=LaneRows(lane=name, t_ns=t_ns[-1:].copy(), data=data), events=(event,))

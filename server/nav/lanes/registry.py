@@ -1,0 +1,85 @@
+"""Every lane there is, by name, and what a person may change of it."""
+
+from __future__ import annotations
+
+import math
+from collections.abc import Callable, Mapping
+from dataclasses import dataclass
+from typing import Final
+
+from server.nav.lanes.base import Lane, LaneContext, Parameter, Provides
+from server.nav.lanes.ins_ekf import InsEkf
+
+ESTIMATORS: Final[dict[str, type[Lane]]] = {
+    "ins_ekf": InsEkf,
+}
+"""Lanes that compute; the main lane first."""
+REPEATERS: Final[dict[str, Provides]] = {"onboard": "full", "reference": "full"}
+"""Lanes that publish what someone else computed (`passthrough`)."""
+LANES: Final = (*ESTIMATORS, *REPEATERS)
+
+
+@dataclass(frozen=True, slots=True, kw_only=True)
+class LaneInfo:
+    """One lane as a person chooses it.
+
+    Attributes:
+        running: it is among the chosen ones and has not failed.
+        failure: why it was put aside; "" otherwise.
+        values: of each of `parameters`, NaN = the vehicle class's own.
+    """
+
+    name: str
+    provides: Provides
+    running: bool
+    failure: str
+    parameters: tuple[Parameter, ...]
+    values: Mapping[str, float]
+
+
+def check_lanes(names: tuple[str, ...]) -> None:
+    """Raise ValueError for a lane that does not exist, one named twice, or none at all."""
+    unknown = [name for name in names if name not in LANES]
+    if unknown:
+        raise ValueError(f"no lane called {', '.join(unknown)}; there are: {', '.join(LANES)}")
+    if not names or len(set(names)) != len(names):
+        raise ValueError(f"lanes {', '.join(names) or '(none)'}: name at least one, each once")
+
+
+def parameters_of(lane: str) -> tuple[Parameter, ...]:
+    """Return what may be changed of a lane; nothing of those that repeat."""
+    return ESTIMATORS[lane].parameters if lane in ESTIMATORS else ()
+
+
+def provides_of(lane: str) -> Provides:
+    """Return what a lane estimates."""
+    return ESTIMATORS[lane].provides if lane in ESTIMATORS else REPEATERS[lane]
+
+
+def defaults_of(lane: str) -> dict[str, float]:
+    """Return every parameter of a lane at its default."""
+    return {parameter.name: parameter.default for parameter in parameters_of(lane)}
+
+
+def check_values(lane: str, values: Mapping[str, float]) -> None:
+    """Raise ValueError, naming value, limits and remedy, for what a lane does not take."""
+    check_lanes((lane,))
+    known = {parameter.name: parameter for parameter in parameters_of(lane)}
+    for name, value in values.items():
+        if name not in known:
+            there = ", ".join(known) or "none"
+            raise ValueError(f"lane {lane} has no parameter {name}; there are: {there}")
+        one = known[name]
+        own = math.isnan(value) and math.isnan(one.default)  # back to the vehicle class's own
+        if not own and not one.minimum <= value <= one.maximum:
+            unit = f" {one.unit}" if one.unit else ""
+            raise ValueError(
+                f"{lane}.{name} = {value:g}{unit} is outside {one.minimum:g} … {one.maximum:g}{unit}; "
+                f"the default is {'the vehicle class’s own' if math.isnan(one.default) else format(one.default, 'g')}"
+            )
+
+
+def make(name: str, context: LaneContext) -> Lane:
+    """Return a new lane, before its first step."""
+    factory: Callable[[LaneContext], Lane] = ESTIMATORS[name]
+    return factory(context)
