@@ -16,16 +16,28 @@ from server.nav.constants import (
 )
 
 
-@njit("float64(float64, float64)", cache=True)
+@njit("UniTuple(float64, 3)(float64, float64)", cache=True, _nrt=False)
+def gravity_and_radii(sin2: float, height_m: float) -> tuple[float, float, float]:
+    """Return normal gravity m/s² and the meridian and prime vertical radii m, from the squared sine of the latitude.
+
+    [NIMA TR8350.2, eq. 4-1, 4-3 and §3.2]
+    """
+    w2 = 1.0 - WGS84_E2 * sin2
+    inverse = 1.0 / math.sqrt(w2)
+    h = height_m * (1.0 / WGS84_A_M)
+    surface = WGS84_GAMMA_EQUATOR_M_S2 * (1.0 + WGS84_SOMIGLIANA_K * sin2) * inverse
+    gravity = surface * (1.0 - 2.0 * (1.0 + WGS84_F + WGS84_M - 2.0 * WGS84_F * sin2) * h + 3.0 * h * h)
+    prime = WGS84_A_M * inverse
+    return gravity, prime * (1.0 - WGS84_E2) * inverse * inverse, prime
+
+
+@njit("float64(float64, float64)", cache=True, _nrt=False)
 def normal_gravity(lat_rad: float, height_m: float) -> float:
     """Return normal gravity in m/s² at a geodetic latitude and height [NIMA TR8350.2, eq. 4-1 and 4-3]."""
-    sin2 = math.sin(lat_rad) ** 2
-    surface = WGS84_GAMMA_EQUATOR_M_S2 * (1.0 + WGS84_SOMIGLIANA_K * sin2) / math.sqrt(1.0 - WGS84_E2 * sin2)
-    h = height_m / WGS84_A_M
-    return surface * (1.0 - 2.0 * (1.0 + WGS84_F + WGS84_M - 2.0 * WGS84_F * sin2) * h + 3.0 * h * h)
+    return gravity_and_radii(math.sin(lat_rad) ** 2, height_m)[0]
 
 
-@njit("UniTuple(float64, 2)(float64)", cache=True)
+@njit("UniTuple(float64, 2)(float64)", cache=True, _nrt=False)
 def curvature_radii(lat_rad: float) -> tuple[float, float]:
     """Return (meridian, prime vertical) radii of curvature in m at a geodetic latitude [NIMA TR8350.2, §3.2]."""
     w2 = 1.0 - WGS84_E2 * math.sin(lat_rad) ** 2
@@ -33,7 +45,7 @@ def curvature_radii(lat_rad: float) -> tuple[float, float]:
     return prime * (1.0 - WGS84_E2) / w2, prime
 
 
-@njit("UniTuple(float64, 3)(float64, float64, float64, float64, float64, float64)", cache=True)
+@njit("UniTuple(float64, 3)(float64, float64, float64, float64, float64, float64)", cache=True, _nrt=False)
 def ned_from_lla(
     lat_rad: float, lon_rad: float, height_m: float, lat0_rad: float, lon0_rad: float, height0_m: float
 ) -> tuple[float, float, float]:

@@ -13,23 +13,29 @@ from numba import njit
 
 from server.nav.types import Float
 
-SMALL_ANGLE_RAD2: Final = 1e-8
+SMALL_ANGLE_RAD2: Final = 0.04
 """Below this squared angle the series is exact to float64: the next term is angle⁴/1920."""
 
 
-@njit("UniTuple(float64, 4)(float64, float64, float64)", cache=True)
+@njit("UniTuple(float64, 4)(float64, float64, float64)", cache=True, _nrt=False)
 def quat_from_rotvec(x_rad: float, y_rad: float, z_rad: float) -> tuple[float, float, float, float]:
     """Return Exp of a rotation vector, rad, as a quaternion [Solà 2017, eq. 101]."""
     angle2 = x_rad * x_rad + y_rad * y_rad + z_rad * z_rad
-    if angle2 < SMALL_ANGLE_RAD2:
-        scale = 0.5 - angle2 / 48.0
-        return 1.0 - angle2 / 8.0, scale * x_rad, scale * y_rad, scale * z_rad
+    if angle2 < SMALL_ANGLE_RAD2:  # series to rounding: next terms are angle¹⁰/8.2e10 and angle¹⁰/3.7e9
+        a = angle2 * 0.25
+        scale = 0.5 * (1.0 - a / 6.0 * (1.0 - a / 20.0 * (1.0 - a / 42.0 * (1.0 - a / 72.0))))
+        w = 1.0 - a / 2.0 * (1.0 - a / 12.0 * (1.0 - a / 30.0 * (1.0 - a / 56.0)))
+        return w, scale * x_rad, scale * y_rad, scale * z_rad
     angle = math.sqrt(angle2)
     scale = math.sin(0.5 * angle) / angle
     return math.cos(0.5 * angle), scale * x_rad, scale * y_rad, scale * z_rad
 
 
-@njit("UniTuple(float64, 4)(float64, float64, float64, float64, float64, float64, float64, float64)", cache=True)
+@njit(
+    "UniTuple(float64, 4)(float64, float64, float64, float64, float64, float64, float64, float64)",
+    cache=True,
+    _nrt=False,
+)
 def quat_mul(
     aw: float, ax: float, ay: float, az: float, bw: float, bx: float, by: float, bz: float
 ) -> tuple[float, float, float, float]:
@@ -42,7 +48,7 @@ def quat_mul(
     )
 
 
-@njit("UniTuple(float64, 3)(float64, float64, float64, float64)", cache=True)
+@njit("UniTuple(float64, 3)(float64, float64, float64, float64)", cache=True, _nrt=False)
 def rotvec_from_quat(w: float, x: float, y: float, z: float) -> tuple[float, float, float]:
     """Return Log of a unit quaternion as a rotation vector, rad, of at most π [Solà 2017, eq. 105]."""
     if w < 0.0:
@@ -52,7 +58,7 @@ def rotvec_from_quat(w: float, x: float, y: float, z: float) -> tuple[float, flo
     return scale * x, scale * y, scale * z
 
 
-@njit("UniTuple(float64, 9)(float64, float64, float64, float64)", cache=True)
+@njit("UniTuple(float64, 9)(float64, float64, float64, float64)", cache=True, _nrt=False)
 def matrix_entries(
     w: float, x: float, y: float, z: float
 ) -> tuple[float, float, float, float, float, float, float, float, float]:

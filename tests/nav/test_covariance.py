@@ -9,10 +9,24 @@ import pytest
 from server.nav.ekf import covariance, derivation
 from server.nav.ekf import layout as at
 from server.nav.ekf.covariance import predict_covariance
-from server.nav.ekf.states import ACCEL_BIAS, ATT, DECLINATION, GYRO_BIAS, PACKED, POS, VEL, N, packed
+from server.nav.ekf.predict import predict_columns
+from server.nav.ekf.states import (
+    ACCEL_BIAS,
+    ATT,
+    FIELD,
+    GYRO_BIAS,
+    INERTIAL,
+    PACKED,
+    POS,
+    VEL,
+    WITH_MAG,
+    N,
+    packed,
+)
 from server.nav.ekf.update import correction_seen, fuse, project
 
-UPPER = np.triu_indices(N)
+LOWER = np.tril_indices(N)
+DIMS = (INERTIAL, WITH_MAG, N)
 
 
 def random_covariance(rng):
@@ -26,26 +40,44 @@ def skew(v):
 
 def dense(P, u):
     """F P Fᵀ + Q written as the paper writes it."""
-    f, A, dt, q = u[:3], u[3:12].reshape(3, 3), u[12], u[13:19]
+    f, A, dt, q = u[:3], u[3:12].reshape(3, 3), u[12], u[13:18]
     F = np.eye(N)
     F[ATT : ATT + 3, GYRO_BIAS : GYRO_BIAS + 3] = -A
     F[VEL : VEL + 3, ATT : ATT + 3] = -skew(f)
     F[VEL : VEL + 3, ACCEL_BIAS : ACCEL_BIAS + 3] = -A
     F[POS : POS + 3, VEL : VEL + 3] = dt * np.eye(3)
     Q = np.zeros(N)
-    for block, value in zip((ATT, VEL, POS, GYRO_BIAS, ACCEL_BIAS), q[:5], strict=True):
+    for block, value in zip((ATT, VEL, POS, GYRO_BIAS, ACCEL_BIAS), q, strict=True):
         Q[block : block + 3] = value
-    Q[DECLINATION] = q[5]
     return F @ P @ F.T + np.diag(Q)
 
 
 @pytest.mark.parametrize("seed", range(5))
 def test_prediction_equals_dense_algebra(seed):
     rng = np.random.default_rng(seed)
-    P, u = random_covariance(rng), rng.normal(size=19)
-    out = P[UPPER].copy()
+    P, u = random_covariance(rng), rng.normal(size=18)
+    out = P[LOWER].copy()
     predict_covariance(out, u)
-    np.testing.assert_allclose(out, dense(P, u)[UPPER], rtol=1e-12, atol=1e-12)
+    predict_columns(out, u, FIELD, N)
+    np.testing.assert_allclose(out, dense(P, u)[LOWER], rtol=1e-12, atol=1e-12)
+
+
+@pytest.mark.parametrize("n", DIMS)
+def test_a_filter_without_the_later_blocks_is_a_prefix_of_the_whole_one(n):
+    rng = np.random.default_rng(n)
+    P, u = random_covariance(rng), rng.normal(size=18)
+    out, work = P[LOWER].copy(), np.zeros(at.W_SIZE)
+    rest = out[n * (n + 1) // 2 :].copy()
+    work[at.W_DIM] = n
+    predict_covariance(out, u)
+    predict_columns(out, u, FIELD, n)
+    work[at.W_H : at.W_H + n] = rng.normal(size=n)
+    fuse(out, work, 0.3, project(out, work) + 1.0)
+    H = work[at.W_H : at.W_H + n]
+    small = dense(P, u)[:n, :n]
+    small -= np.outer(small @ H, small @ H) / (H @ small @ H + 1.0)
+    np.testing.assert_allclose(out[: n * (n + 1) // 2], small[np.tril_indices(n)], rtol=1e-10, atol=1e-10)
+    np.testing.assert_array_equal(out[n * (n + 1) // 2 :], rest)
 
 
 def test_the_code_is_what_its_derivation_writes():
@@ -53,8 +85,8 @@ def test_the_code_is_what_its_derivation_writes():
     assert ast.dump(ast.parse(written)) == ast.dump(ast.parse(derivation.source()))
 
 
-def test_packed_index_runs_through_the_upper_triangle():
-    assert [packed(i, j) for i, j in zip(*UPPER, strict=True)] == list(range(PACKED))
+def test_packed_index_runs_through_the_lower_triangle():
+    assert [packed(i, j) for i, j in zip(*LOWER, strict=True)] == list(range(PACKED))
     assert packed(7, 2) == packed(2, 7)
 
 
@@ -65,31 +97,34 @@ def test_two_scalar_updates_equal_one_vector_update_in_joseph_form():
     K = P @ H.T @ np.linalg.inv(H @ P @ H.T + R)
     left = np.eye(N) - K @ H
     expected_P, expected_x = left @ P @ left.T + K @ R @ K.T, K @ z
-    out, work = P[UPPER].copy(), np.zeros(at.W_SIZE)
+    out, work = P[LOWER].copy(), np.zeros(at.W_SIZE)
+    work[at.W_DIM] = N
     for i in range(2):
         work[at.W_H : at.W_H + N] = H[i]
         variance = project(out, work) + R[i, i]
         fuse(out, work, z[i] - correction_seen(work), variance)
-    np.testing.assert_allclose(out, expected_P[UPPER], rtol=1e-9, atol=1e-9)
+    np.testing.assert_allclose(out, expected_P[LOWER], rtol=1e-9, atol=1e-9)
     np.testing.assert_allclose(work[at.W_DX : at.W_DX + N], expected_x, rtol=1e-9, atol=1e-9)
 
 
 def test_a_day_of_predictions_and_updates_stays_positive_definite():
     """86,400 s at 10 Hz with exact position updates: the hardest case for rounding."""
     rng = np.random.default_rng(5)
-    P = np.diag([*np.repeat([1e-4, 1.0, 1.0, 1e-6, 1e-3], 3), 1e-4])[UPPER].copy()
-    work, u = np.zeros(at.W_SIZE), np.zeros(19)
-    u[12], u[13:19] = 0.1, [1e-8, 1e-5, 0.0, 1e-9, 1e-8, 1e-12]
+    P = np.diag([*np.repeat([1e-4, 1.0, 1.0, 1e-6, 1e-3, 1e-4, 1e-4], 3), 9.0, 9.0])[LOWER].copy()
+    work, u = np.zeros(at.W_SIZE), np.zeros(18)
+    work[at.W_DIM] = N
+    u[12], u[13:18] = 0.1, [1e-8, 1e-5, 0.0, 1e-9, 1e-8]
     for k in range(864_00):
         u[:3] = [0.1 * np.sin(k / 50), 0.1 * np.cos(k / 70), -0.98]
         u[3:12] = (0.1 * np.eye(3)).ravel()
         predict_covariance(P, u)
+        predict_columns(P, u, FIELD, N)
         for axis in range(3):
             work[at.W_H : at.W_H + N] = 0.0
             work[at.W_H + POS + axis] = 1.0
             fuse(P, work, float(rng.normal()) * 1e-3, project(P, work) + 1e-8)
     full = np.zeros((N, N))
-    full[UPPER] = P
-    full += np.triu(full, 1).T
+    full[LOWER] = P
+    full += np.tril(full, -1).T
     scale = 1 / np.sqrt(np.diag(full))
     assert np.linalg.eigvalsh(full * np.outer(scale, scale)).min() > 0.0

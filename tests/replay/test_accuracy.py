@@ -29,6 +29,9 @@ class Spoiled(NavEngine):
         return super().step(SampleBlock(data=data, **kept))
 
 
+WIRE_STEP_M = 0.0157  # 1e-7 degrees on both axes: at rest the position repeats to the digit and errs by less
+
+
 def settled(summary: SummaryOut) -> Any:
     """Errors of the main lane from 30 s after the first fix."""
     return next(lane for name, lane in summary.lanes.items() if name == "ins_ekf").settled
@@ -40,13 +43,15 @@ def within(errors: Any, attitude_deg: float, horizontal_m: float, vertical_m: fl
     assert errors.vertical_less_median_m.rms <= vertical_m
     assert max(errors.vel_n_m_s.rms, errors.vel_e_m_s.rms, errors.vel_d_m_s.rms) <= velocity_m_s
     assert errors.cover_3sigma.horizontal >= 0.95
-    assert errors.sigma_ratio_horizontal <= 4.0
+    sigma_m = errors.sigma_ratio_horizontal * errors.horizontal_m.rms
+    assert sigma_m <= max(4.0 * errors.horizontal_m.rms, WIRE_STEP_M)
 
 
 @pytest.mark.parametrize("log", ["mission", "static"])
 def test_the_recorded_stream_is_navigated_as_well_as_promised(shared_data: Path, tmp_path: Path, log: str) -> None:
     summary = replay(shared_data / "ardupilot_sitl" / f"{log}.tlog", tmp_path / "out", lanes=["ins_ekf", "reference"])
-    within(settled(summary), attitude_deg=0.5, horizontal_m=0.06, vertical_m=0.06, velocity_m_s=0.022)
+    degrees = 0.30 if log == "mission" else 0.5  # at rest tilt and accelerometer bias are one unknown
+    within(settled(summary), attitude_deg=degrees, horizontal_m=0.04, vertical_m=0.04, velocity_m_s=0.018)
 
 
 @pytest.mark.parametrize(
@@ -61,7 +66,7 @@ def test_a_biased_or_shaken_accelerometer_costs_little(
         lanes=["ins_ekf", "reference"],
         engine_factory=lambda settings, model: Spoiled(settings, model, bias_m_s2, noise_m_s2),
     )
-    within(settled(summary), attitude_deg=0.5, horizontal_m=0.06, vertical_m=0.06, velocity_m_s=0.022)
+    within(settled(summary), attitude_deg=0.4, horizontal_m=0.04, vertical_m=0.04, velocity_m_s=0.022)
 
 
 @pytest.mark.parametrize("begin_s", [70.0, 110.0, 140.0])

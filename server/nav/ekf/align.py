@@ -8,6 +8,8 @@ from typing import Final
 from numba import njit
 
 from server.nav.codes import ATTITUDE
+from server.nav.ekf.aiding.mag import observe
+from server.nav.ekf.blocks import switch_mag_on
 from server.nav.ekf.layout import (
     A_ACCEL_MEAN,
     A_ACCEL_SUM,
@@ -29,28 +31,31 @@ from server.nav.ekf.layout import (
     C_STILL_STEPS,
     NEVER_NS,
     PAR_ACCEL_BIAS_SIGMA,
-    PAR_DECLINATION_SIGMA,
+    PAR_MAG_BIAS_SIGMA,
+    PAR_MAG_NOISE,
     U_ACCEL_MEAN,
     U_DT,
     U_GYRO_MEAN,
     U_T,
+    W_DX,
 )
 from server.nav.ekf.predict import gravity_here
 from server.nav.ekf.states import (
     ACCEL_BIAS,
     ATT,
-    DECLINATION,
     GYRO_BIAS,
+    MAG_BIAS,
     POS,
     VEL,
     X_ACCEL_BIAS,
-    X_DECLINATION,
+    X_FIELD,
     X_GYRO_BIAS,
+    X_MAG_BIAS,
     X_Q,
     N,
     packed,
 )
-from server.nav.ekf.update import reset_axis, rotate_tilt
+from server.nav.ekf.update import correction_seen, fuse, inject, project, reset_axis, rotate_tilt
 from server.nav.rotation import matrix_entries, quat_from_rotvec, quat_mul
 from server.nav.types import Float, Int
 
@@ -71,7 +76,7 @@ GYRO_BIAS_SIGMA_MOVING_RAD_S: Final = 0.02
 GYRO_BIAS_SIGMA_AGAIN_RAD_S: Final = 2e-3
 
 
-@njit("boolean(float64[::1], float64[::1], int64[::1], float64)", cache=True)
+@njit("boolean(float64[::1], float64[::1], int64[::1], float64)", cache=True, _nrt=False)
 def rest(u: Float, aux: Float, ctl: Int, gravity_m_s2: float) -> bool:
     """Update the running spread of rate and specific force; return whether the board looks still."""
     blend = min(1.0, u[U_DT] / STILL_BLEND_S)
@@ -92,14 +97,14 @@ def rest(u: Float, aux: Float, ctl: Int, gravity_m_s2: float) -> bool:
     return still
 
 
-@njit("void(float64[::1], float64[::1])", cache=True)
+@njit("void(float64[::1], float64[::1])", cache=True, _nrt=False)
 def _collect(u: Float, aux: Float) -> None:
     for i in range(3):
         aux[A_GYRO_SUM + i] += u[U_GYRO_MEAN + i]
         aux[A_ACCEL_SUM + i] += u[U_ACCEL_MEAN + i]
 
 
-@njit("void(float64[::1], int64[::1])", cache=True)
+@njit("void(float64[::1], int64[::1])", cache=True, _nrt=False)
 def restart(aux: Float, ctl: Int) -> None:
     """Forget what was averaged: the board moved. The field keeps its newest sample only (`intake`)."""
     for i in range(3):
@@ -107,7 +112,7 @@ def restart(aux: Float, ctl: Int) -> None:
     ctl[C_ALIGN_STEPS] = 0
 
 
-@njit("void(float64[::1], float64[::1], float64)", cache=True)
+@njit("void(float64[::1], float64[::1], float64)", cache=True, _nrt=False)
 def turn_about_down(x: Float, P: Float, angle_rad: float) -> None:
     """Add an angle to the heading; the tilt error turns with it (`rotate_tilt`)."""
     rotate_tilt(P, angle_rad)
@@ -116,57 +121,72 @@ def turn_about_down(x: Float, P: Float, angle_rad: float) -> None:
     x[X_Q], x[X_Q + 1], x[X_Q + 2], x[X_Q + 3] = q
 
 
-@njit("boolean(float64[::1], float64[::1])", cache=True)
+@njit("boolean(float64[::1], float64[::1])", cache=True, _nrt=False)
 def _shows_north(x: Float, aux: Float) -> bool:
     """Return whether the mean field has a horizontal part that is worth a heading."""
     w = aux[A_MAG_WEIGHT]
     if w <= 0.0:
         return False
     R = matrix_entries(x[X_Q], x[X_Q + 1], x[X_Q + 2], x[X_Q + 3])
-    mx, my, mz = aux[A_MAG_SUM] / w, aux[A_MAG_SUM + 1] / w, aux[A_MAG_SUM + 2] / w
+    mx, my = aux[A_MAG_SUM] / w - x[X_MAG_BIAS], aux[A_MAG_SUM + 1] / w - x[X_MAG_BIAS + 1]
+    mz = aux[A_MAG_SUM + 2] / w - x[X_MAG_BIAS + 2]
     return math.hypot(R[0] * mx + R[1] * my + R[2] * mz, R[3] * mx + R[4] * my + R[5] * mz) > LEAST_NORTH_GAUSS
 
 
-@njit("void(float64[::1], float64[::1], float64[::1])", cache=True)
+@njit("void(float64[::1], float64[::1], float64[::1])", cache=True, _nrt=False)
 def _heading_from_field(x: Float, P: Float, aux: Float) -> None:
     """Turn x about the vertical so that the mean field points to magnetic north, declination added."""
     R = matrix_entries(x[X_Q], x[X_Q + 1], x[X_Q + 2], x[X_Q + 3])
     w = aux[A_MAG_WEIGHT]
-    mx, my, mz = aux[A_MAG_SUM] / w, aux[A_MAG_SUM + 1] / w, aux[A_MAG_SUM + 2] / w
+    mx, my = aux[A_MAG_SUM] / w - x[X_MAG_BIAS], aux[A_MAG_SUM + 1] / w - x[X_MAG_BIAS + 1]
+    mz = aux[A_MAG_SUM + 2] / w - x[X_MAG_BIAS + 2]
     north, east = R[0] * mx + R[1] * my + R[2] * mz, R[3] * mx + R[4] * my + R[5] * mz
     turn_about_down(x, P, aux[A_DECLINATION] - math.atan2(east, north))
 
 
-@njit("void(float64[::1], float64[::1])", cache=True)
+@njit("void(float64[::1], float64[::1])", cache=True, _nrt=False)
 def _field_from_mean(x: Float, aux: Float) -> None:
     """Take the field measured at alignment as the local one, because no model is known yet."""
     R = matrix_entries(x[X_Q], x[X_Q + 1], x[X_Q + 2], x[X_Q + 3])
     w = aux[A_MAG_WEIGHT]
-    mx, my, mz = aux[A_MAG_SUM] / w, aux[A_MAG_SUM + 1] / w, aux[A_MAG_SUM + 2] / w
+    mx, my = aux[A_MAG_SUM] / w - x[X_MAG_BIAS], aux[A_MAG_SUM + 1] / w - x[X_MAG_BIAS + 1]
+    mz = aux[A_MAG_SUM + 2] / w - x[X_MAG_BIAS + 2]
     north, east = R[0] * mx + R[1] * my + R[2] * mz, R[3] * mx + R[4] * my + R[5] * mz
     aux[A_FIELD_H] = math.sqrt(north * north + east * east)
     aux[A_FIELD_D] = R[6] * mx + R[7] * my + R[8] * mz
 
 
-@njit("void(float64[::1], float64[::1])", cache=True)
-def _couple_heading(P: Float, aux: Float) -> None:
-    """Say that a heading taken from the field carries the tilt's error and the declination's.
+@njit("void(float64[::1], float64[::1], float64[::1], float64[::1], int64[::1], float64[::1])", cache=True, _nrt=False)
+def _couple_heading(x: Float, P: Float, par: Float, aux: Float, ctl: Int, work: Float) -> None:
+    """Say what a heading taken from the field carries: the errors of tilt, Earth field and magnetic bias.
 
-    The field points where it must whatever the tilt, so 0 = δθ·(e × m) + B_h δD (`aiding.mag`), which gives
-    δθ_d = tan(dip)·(cos D δθ_n + sin D δθ_e) + δD: four times the tilt error at 64° north.
+    Heading known to a radian, then the mean field fused as any later one will be: at 64° north four times the tilt's
+    error goes into the heading that way.
     """
-    dip = aux[A_FIELD_D] / max(LEAST_NORTH_GAUSS, aux[A_FIELD_H])
-    a, b = dip * math.cos(aux[A_DECLINATION]), dip * math.sin(aux[A_DECLINATION])
-    total = 0.0
-    for j in range(N):
-        if j != ATT + 2:
-            coupled = a * P[packed(ATT, j)] + b * P[packed(ATT + 1, j)] + P[packed(DECLINATION, j)]
-            total += coupled * (a if j == ATT else (b if j == ATT + 1 else (1.0 if j == DECLINATION else 0.0)))
-            P[packed(ATT + 2, j)] = coupled
-    P[packed(ATT + 2, ATT + 2)] += total
+    bias_var = par[PAR_MAG_BIAS_SIGMA] ** 2
+    kept = (x[X_MAG_BIAS], x[X_MAG_BIAS + 1], x[X_MAG_BIAS + 2])
+    switch_mag_on(x, P, par, aux, ctl, work)
+    for i in range(3):
+        x[X_MAG_BIAS + i] = kept[i]
+        P[packed(MAG_BIAS + i, MAG_BIAS + i)] = bias_var
+    w = aux[A_MAG_WEIGHT]
+    R = matrix_entries(x[X_Q], x[X_Q + 1], x[X_Q + 2], x[X_Q + 3])
+    m = (aux[A_MAG_SUM] / w - kept[0], aux[A_MAG_SUM + 1] / w - kept[1], aux[A_MAG_SUM + 2] / w - kept[2])
+    for i in range(N):
+        work[W_DX + i] = 0.0
+    for i in range(3):
+        observe(x, work, i)
+        innovation = R[3 * i] * m[0] + R[3 * i + 1] * m[1] + R[3 * i + 2] * m[2] - x[X_FIELD + i]
+        total = project(P, work) + par[PAR_MAG_NOISE] ** 2
+        fuse(P, work, innovation - correction_seen(work), total)
+    inject(x, P, work)
 
 
-@njit("void(float64[::1], float64[::1], float64, float64, float64, float64[::1], float64[::1], int64[::1])", cache=True)
+@njit(
+    "void(float64[::1], float64[::1], float64, float64, float64, float64[::1], float64[::1], int64[::1])",
+    cache=True,
+    _nrt=False,
+)
 def _set(x: Float, P: Float, ax: float, ay: float, az: float, par: Float, aux: Float, ctl: Int) -> None:
     """Set attitude and covariance from a mean specific force in m/s²; heading from the mean field if there is one."""
     roll, pitch = math.atan2(-ay, -az), math.atan2(ax, math.sqrt(ay * ay + az * az))
@@ -187,33 +207,36 @@ def _set(x: Float, P: Float, ax: float, ay: float, az: float, par: Float, aux: F
     b2 = par[PAR_ACCEL_BIAS_SIGMA] ** 2
     tilt2 = b2 / (g * g) + TILT_NOISE_RAD**2
     P[packed(ATT, ATT)] = P[packed(ATT + 1, ATT + 1)] = tilt2
-    P[packed(ATT + 2, ATT + 2)] = HEADING_SIGMA_RAD**2 if ctl[C_HAS_HEADING] else math.pi**2
+    P[packed(ATT + 2, ATT + 2)] = 1.0 if ctl[C_HAS_HEADING] else math.pi**2
     for j in range(3):  # at rest R δb = g (−δθ_y, δθ_x): δθ_x = (R δb)_e / g, δθ_y = −(R δb)_n / g
         P[packed(ACCEL_BIAS + j, ACCEL_BIAS + j)] = b2
         P[packed(ATT, ACCEL_BIAS + j)] = R[3 + j] / g * b2
         P[packed(ATT + 1, ACCEL_BIAS + j)] = -R[j] / g * b2
         P[packed(VEL + j, VEL + j)] = 1.0
         P[packed(POS + j, POS + j)] = 1.0
-    x[X_DECLINATION] = 0.0
-    if ctl[C_HAS_FIELD]:  # otherwise the heading itself is magnetic, and D is zero by definition
-        P[packed(DECLINATION, DECLINATION)] = par[PAR_DECLINATION_SIGMA] ** 2
-    if ctl[C_HAS_HEADING]:
-        _couple_heading(P, aux)
     ctl[C_MODE] = ATTITUDE
 
 
-@njit("boolean(float64[::1], int64[::1])", cache=True)
-def _done(P: Float, ctl: Int) -> bool:
+@njit(
+    "boolean(float64[::1], float64[::1], float64[::1], float64[::1], int64[::1], float64[::1])", cache=True, _nrt=False
+)
+def _done(x: Float, P: Float, par: Float, aux: Float, ctl: Int, work: Float) -> bool:
     """Close an alignment. A gyro bias learned before a hole in the data is better than a mean that may hold a turn."""
     if ctl[C_ALIGNED_BEFORE]:
         for i in range(3):
             P[packed(GYRO_BIAS + i, GYRO_BIAS + i)] = GYRO_BIAS_SIGMA_AGAIN_RAD_S**2
     ctl[C_ALIGNED_BEFORE] = 1
+    if ctl[C_HAS_HEADING]:
+        _couple_heading(x, P, par, aux, ctl, work)
     return True
 
 
-@njit("boolean(float64[::1], float64[::1], float64[::1], float64[::1], float64[::1], int64[::1])", cache=True)
-def align(x: Float, P: Float, u: Float, par: Float, aux: Float, ctl: Int) -> bool:
+@njit(
+    "boolean(float64[::1], float64[::1], float64[::1], float64[::1], float64[::1], int64[::1], float64[::1])",
+    cache=True,
+    _nrt=False,
+)
+def align(x: Float, P: Float, u: Float, par: Float, aux: Float, ctl: Int, work: Float) -> bool:
     """Take one step of alignment; return True when the attitude has just been set.
 
     At rest the mean specific force gives the tilt and the mean rate the gyro bias (S0 §3.1.2); the tilt error and the
@@ -232,7 +255,7 @@ def align(x: Float, P: Float, u: Float, par: Float, aux: Float, ctl: Int) -> boo
         for i in range(3):
             P[packed(ATT + i, ATT + i)] += MOVING_TILT_SIGMA_RAD**2
             P[packed(GYRO_BIAS + i, GYRO_BIAS + i)] = GYRO_BIAS_SIGMA_MOVING_RAD_S**2
-        return _done(P, ctl)
+        return _done(x, P, par, aux, ctl, work)
     _collect(u, aux)
     ctl[C_ALIGN_STEPS] += 1
     n = ctl[C_ALIGN_STEPS]
@@ -243,10 +266,10 @@ def align(x: Float, P: Float, u: Float, par: Float, aux: Float, ctl: Int) -> boo
         if not ctl[C_ALIGNED_BEFORE]:
             x[X_GYRO_BIAS + i] = aux[A_GYRO_SUM + i] / n
         P[packed(GYRO_BIAS + i, GYRO_BIAS + i)] = GYRO_BIAS_SIGMA_REST_RAD_S**2
-    return _done(P, ctl)
+    return _done(x, P, par, aux, ctl, work)
 
 
-@njit("void(float64[::1], float64[::1], float64)", cache=True)
+@njit("void(float64[::1], float64[::1], float64)", cache=True, _nrt=False)
 def set_heading(x: Float, P: Float, angle_rad: float) -> None:
     """Turn the heading by an angle after which it is known to a few degrees, uncorrelated with everything else."""
     turn_about_down(x, P, angle_rad)

@@ -21,7 +21,7 @@ class NoiseDefaults:
     accel_noise_m_s2_rthz: float
     gyro_bias_walk_rad_s2_rthz: float = 1e-4  # a ramp of 0.05 °/s a minute, as power-up warming gives, stays inside
     accel_bias_walk_m_s3_rthz: float = 3e-4
-    mag_noise_gauss: float = 0.01
+    mag_noise_gauss: float = 0.008
     declination_sigma_rad: float = math.radians(0.5)  # WMM's own error, regionally [WMM2025 report, table 10]
     baro_noise_m: float = 0.3
     gravity_noise_m_s2: float = 0.5
@@ -29,16 +29,23 @@ class NoiseDefaults:
 
 GENERAL: Final = NoiseDefaults(gyro_noise_rad_s_rthz=3e-4, accel_noise_m_s2_rthz=0.01)
 OF_CLASS: Final[dict[int, NoiseDefaults]] = {
-    MULTIROTOR: NoiseDefaults(gyro_noise_rad_s_rthz=4e-4, accel_noise_m_s2_rthz=0.01),
+    MULTIROTOR: NoiseDefaults(gyro_noise_rad_s_rthz=4e-4, accel_noise_m_s2_rthz=0.005),
     FIXED_WING: NoiseDefaults(gyro_noise_rad_s_rthz=2e-3, accel_noise_m_s2_rthz=0.1),
     CAR: NoiseDefaults(gyro_noise_rad_s_rthz=5e-4, accel_noise_m_s2_rthz=0.05),
 }
 
 GATE_SIGMA: Final = 5.0
-ACCEL_BIAS_SIGMA_M_S2: Final = 0.15  # zero-g offset of a consumer accelerometer after board mounting, 15 mg
-GNSS_CORRELATION: Final = 2.5  # errors of successive fixes are alike: (1 + ρ)/(1 − ρ) with ρ = 1/e at 5 Hz is 2.2
+ACCEL_BIAS_SIGMA_M_S2: Final = 0.12  # zero-g offset of a consumer accelerometer after board mounting, 12 mg
+GNSS_CORRELATION: Final = (
+    4.0  # velocity errors of successive fixes are alike: (1 + ρ)/(1 − ρ) with ρ = 0.6 at 5 to 10 Hz
+)
 BARO_DRIFT_M_RTS: Final = 0.02  # weather and cabin pressure: 0.15 m in a minute
-DECLINATION_WALK_RAD_RTS: Final = math.radians(0.01)  # crustal anomalies met on the way: 0.1° in 100 s
+FIELD_WALK_GAUSS_RTS: Final = 9e-5  # crustal anomalies met on the way: 0.1° of half a gauss in 100 s
+FIELD_SIGMA: Final = 0.05  # strength: anomalies and the sensor's own scale
+MAG_BIAS_SIGMA_GAUSS: Final = 0.005  # left by an ordinary calibration
+MAG_BIAS_WALK_GAUSS_RTS: Final = 1e-4  # currents and temperature: 1 mG in 100 s
+WIND_SIGMA_M_S: Final = 8.0  # per axis; the mean wind over land is about 6 m/s
+WIND_WALK_M_S_RTS: Final = 0.1  # gusts pass, the mean changes by 1 m/s in 100 s
 HISTORY_S: Final = 1.0  # longest delay that can still be fused at its own time
 """S1 calls 0.1 to 0.3 s usual; receivers on slow serial links reach half a second."""
 MAX_AID_ROWS: Final = 64

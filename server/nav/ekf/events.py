@@ -10,7 +10,7 @@ from server.nav.ekf.layout import (
 from server.nav.types import Float, Int
 
 
-@njit("void(float64[:, ::1], int64[::1], float64, float64, float64, float64)", cache=True)
+@njit("void(float64[:, ::1], int64[::1], float64, float64, float64, float64)", cache=True, _nrt=False)
 def add_event(events: Float, ctl: Int, code: float, t_ns: float, first: float, second: float) -> None:
     """Append one event row; past the table's end events are lost, the state is not."""
     k = ctl[C_EVENTS]

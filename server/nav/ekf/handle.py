@@ -58,11 +58,15 @@ WORST_START_M: Final = 50.0
 
 # Directly named, because compiled code resolves attributes of modules only at the top level.
 gnss_position, gnss_velocity, gnss_reset = gnss.position, gnss.velocity, gnss.reset_position
-baro_height, mag_heading = baro.height, mag.heading
+baro_height, mag_field = baro.height, mag.field
 zero_velocity, zero_rate, gravity = still.zero_velocity, still.zero_rate, still.gravity
 
 
-@njit("void(float64, float64, float64, float64, float64[::1], int64[::1], float64[:, ::1], float64[::1])", cache=True)
+@njit(
+    "void(float64, float64, float64, float64, float64[::1], int64[::1], float64[:, ::1], float64[::1])",
+    cache=True,
+    _nrt=False,
+)
 def record(aid: float, status: float, t_valid: float, t_ns: float, work: Float, ctl: Int, out: Float, t: Float) -> None:
     """Append one aid row from work[W_OBS:W_RATIO + 1]."""
     k = ctl[C_AIDS]
@@ -75,7 +79,7 @@ def record(aid: float, status: float, t_valid: float, t_ns: float, work: Float, 
     ctl[C_AIDS] += 1
 
 
-@njit("void(float64[::1])", cache=True)
+@njit("void(float64[::1])", cache=True, _nrt=False)
 def clear_record(work: Float) -> None:
     """Set the record to unknown and the collected correction to zero."""
     for i in range(W_OBS, W_RATIO):
@@ -85,7 +89,7 @@ def clear_record(work: Float) -> None:
         work[W_DX + i] = 0.0
 
 
-@njit("boolean(float64[::1], float64[::1], int64[::1])", cache=True)
+@njit("boolean(float64[::1], float64[::1], int64[::1])", cache=True, _nrt=False)
 def _wants_reset(h: Float, aux: Float, ctl: Int) -> bool:
     if h[H_STATUS] == RESET:
         return True
@@ -100,6 +104,7 @@ def _wants_reset(h: Float, aux: Float, ctl: Int) -> bool:
     "void(float64[::1], float64[::1], float64[::1], float64[::1], float64[::1], float64[::1], int64[::1],"
     " float64[::1], float64[:, ::1])",
     cache=True,
+    _nrt=False,
 )
 def _position(
     h: Float, x: Float, P: Float, u: Float, par: Float, aux: Float, ctl: Int, work: Float, events: Float
@@ -137,6 +142,7 @@ def _position(
     "void(float64[::1], float64[::1], float64[::1], float64[::1], float64[::1], float64[::1], int64[::1],"
     " float64[::1], float64[:, ::1], float64[::1], float64[:, ::1], float64)",
     cache=True,
+    _nrt=False,
 )
 def handle(
     h: Float,
@@ -171,9 +177,9 @@ def handle(
         _position(h, x, P, u, par, aux, ctl, work, events)
     elif aid == MAG_FIELD:
         if ctl[C_HAS_HEADING] and h[H_STATUS] != RESET:
-            mag_heading(h, x, P, u, par, aux, ctl, work)
+            mag_field(h, x, P, u, par, aux, ctl, work)
         else:
-            late_heading(h, x, P, u, aux, ctl, work, events)
+            late_heading(h, x, P, u, par, aux, ctl, work, events)
     elif aid == ZERO_RATE:
         zero_rate(h, x, P, u, par, aux, ctl, work)
     elif aid == GRAVITY:

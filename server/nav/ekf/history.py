@@ -12,28 +12,43 @@ from numba import njit
 
 from server.nav.codes import REFUSED_STALE
 from server.nav.ekf.handle import clear_record, handle, record
-from server.nav.ekf.layout import C_HEAD, C_OVERFLOW, C_VALID, H_AID, H_SIZE, H_T, SLOT_MEASUREMENTS, U_T
+from server.nav.ekf.layout import C_HEAD, C_OVERFLOW, C_VALID, H_AID, H_SIZE, H_T, SLOT_MEASUREMENTS, U_T, W_DIM
 from server.nav.ekf.predict import predict
 from server.nav.types import Float, Int
 
 
+@njit("void(float64[::1], float64[::1], int64)", cache=True, _nrt=False)
+def copy(source: Float, target: Float, n: int) -> None:
+    """Copy the first n numbers; a slice assignment would look for overlap first."""
+    for i in range(n):
+        target[i] = source[i]
+
+
+@njit("int64(float64[::1])", cache=True, _nrt=False, inline="always")
+def active(work: Float) -> int:
+    """Return how many entries of the packed covariance are in use."""
+    n = int(work[W_DIM])
+    return n * (n + 1) // 2
+
+
 @njit(
-    "void(float64[::1], float64[::1], float64[::1], int64[::1], float64[:, ::1], float64[:, ::1], float64[:, ::1],"
-    " int64[::1])",
+    "void(float64[::1], float64[::1], float64[::1], int64[::1], float64[::1], float64[:, ::1], float64[:, ::1],"
+    " float64[:, ::1], int64[::1])",
     cache=True,
+    _nrt=False,
 )
-def push(u: Float, x: Float, P: Float, ctl: Int, r_u: Float, r_x: Float, r_P: Float, r_n: Int) -> None:
+def push(u: Float, x: Float, P: Float, ctl: Int, work: Float, r_u: Float, r_x: Float, r_P: Float, r_n: Int) -> None:
     """Open a slot for the step whose end the state has just been predicted to."""
     slot = ctl[C_HEAD] % r_u.shape[0]
-    r_u[slot, :] = u
-    r_x[slot, :] = x
-    r_P[slot, :] = P
+    copy(u, r_u[slot], r_u.shape[1])
+    copy(x, r_x[slot], r_x.shape[1])
+    copy(P, r_P[slot], active(work))
     r_n[slot] = 0
     ctl[C_HEAD] += 1
     ctl[C_VALID] = min(ctl[C_VALID] + 1, r_u.shape[0])
 
 
-@njit("int64(float64, int64[::1], float64[:, ::1])", cache=True)
+@njit("int64(float64, int64[::1], float64[:, ::1])", cache=True, _nrt=False)
 def find(t_ns: float, ctl: Int, r_u: Float) -> int:
     """Return the number of the slot whose end is nearest to t_ns, −1 when it lies before the history."""
     size = r_u.shape[0]
@@ -54,6 +69,7 @@ def find(t_ns: float, ctl: Int, r_u: Float) -> int:
     "int64(float64[::1], int64, float64, int64[::1], float64[::1], float64[:, ::1], float64[:, :, ::1], int64[::1],"
     " float64[:, ::1], float64[::1])",
     cache=True,
+    _nrt=False,
 )
 def attach(
     h: Float,
@@ -86,6 +102,7 @@ def attach(
     " float64[:, ::1], float64[:, ::1], float64[:, ::1], float64[:, :, ::1], int64[::1],"
     " float64[:, ::1], float64[::1], float64[:, ::1])",
     cache=True,
+    _nrt=False,
 )
 def rerun(
     dirty: int,
@@ -108,13 +125,14 @@ def rerun(
     """Repeat the filter from slot number `dirty` to the newest; x and P end as the present."""
     size = r_u.shape[0]
     slot = dirty % size
-    x[:] = r_x[slot]
-    P[:] = r_P[slot]
+    copy(r_x[slot], x, x.shape[0])
+    n = active(work)
+    copy(r_P[slot], P, n)
     for k in range(dirty, ctl[C_HEAD]):
         slot = k % size
         if k > dirty:
             predict(x, P, r_u[slot], par, aux, ctl, work)
-            r_x[slot, :] = x
-            r_P[slot, :] = P
+            copy(x, r_x[slot], x.shape[0])
+            copy(P, r_P[slot], n)
         for i in range(r_n[slot]):
             handle(r_m[slot, i], x, P, r_u[slot], par, aux, ctl, work, aids, aid_t, events, t_ns)

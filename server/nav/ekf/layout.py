@@ -52,7 +52,7 @@ PAR_GATE: Final = 4  # standard deviations
 PAR_MAG_NOISE: Final = 5  # gauss
 PAR_DECLINATION_SIGMA: Final = 6  # rad
 PAR_BARO_NOISE: Final = 7  # m
-PAR_GNSS_CORRELATION: Final = 8  # variance factor for receivers' correlated errors
+PAR_GNSS_CORRELATION: Final = 8  # variance factor for receivers' correlated velocity errors
 PAR_LEVER: Final = 9  # (3) body m
 PAR_IMU_DELAY: Final = 12  # s
 PAR_MAG_DELAY: Final = 13
@@ -62,8 +62,13 @@ PAR_ACCEL_BIAS_SIGMA: Final = 16  # m/s²
 PAR_BARO_DRIFT: Final = 17  # m/√s
 PAR_VEHICLE: Final = 18
 PAR_GRAVITY_NOISE: Final = 19  # m/s²
-PAR_DECLINATION_WALK: Final = 20  # rad/√s
-PAR_SIZE: Final = 21
+PAR_FIELD_WALK: Final = 20  # gauss/√s
+PAR_MAG_BIAS_SIGMA: Final = 21  # gauss
+PAR_MAG_BIAS_WALK: Final = 22  # gauss/√s
+PAR_WIND_SIGMA: Final = 23  # m/s
+PAR_WIND_WALK: Final = 24  # m/s/√s
+PAR_FIELD_SIGMA: Final = 25  # error of the model's strength, as a share of it
+PAR_SIZE: Final = 26
 
 NEVER_NS: Final = -1e18
 """A time before every other."""
@@ -126,16 +131,17 @@ A_T_RESET: Final = 49  # validity of the GNSS position that last set the state, 
 A_SIZE: Final = 50
 
 # Scratch, so that nothing is allocated in a step.
-W_U: Final = 0  # (19) input of the covariance prediction
-W_H: Final = 19  # (16) one row of H
-W_PH: Final = 35  # (16) P Hᵀ
-W_DX: Final = 51  # (16) correction collected over one measurement
-W_OBS: Final = 67  # (3) record of the measurement just handled
-W_PRED: Final = 70
-W_INNOV: Final = 73
-W_VAR: Final = 76
-W_RATIO: Final = 79
-W_SIZE: Final = 80
+W_U: Final = 0  # (18) input of the covariance prediction
+W_H: Final = 18  # (23) one row of H
+W_PH: Final = 41  # (23) P Hᵀ
+W_DX: Final = 64  # (23) correction collected over one measurement
+W_OBS: Final = 87  # record of the measurement just handled
+W_PRED: Final = 90
+W_INNOV: Final = 93
+W_VAR: Final = 96
+W_RATIO: Final = 99
+W_DIM: Final = 100  # error states that are active (`states`); not scratch: set when a block is switched on
+W_SIZE: Final = 101
 
 # Events the kernel reports: code, time ns, size, second size.
 E_ALIGNED: Final = 1  # heading sigma rad, tilt sigma rad

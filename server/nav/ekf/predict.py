@@ -8,7 +8,7 @@ from typing import Final
 from numba import njit
 
 from server.nav.constants import EARTH_RATE_RAD_S
-from server.nav.earth import curvature_radii, normal_gravity
+from server.nav.earth import curvature_radii, gravity_and_radii, normal_gravity
 from server.nav.ekf.covariance import predict_covariance
 from server.nav.ekf.layout import (
     A_GRAVITY,
@@ -16,17 +16,29 @@ from server.nav.ekf.layout import (
     C_POSITIONED,
     PAR_ACCEL_NOISE,
     PAR_ACCEL_WALK,
-    PAR_DECLINATION_WALK,
+    PAR_FIELD_WALK,
     PAR_GYRO_NOISE,
     PAR_GYRO_WALK,
+    PAR_MAG_BIAS_WALK,
+    PAR_WIND_WALK,
     U_DT,
     U_DTHETA,
     U_DVEL,
     U_GAP_S,
     U_VIBRATION,
-    W_U,
+    W_DIM,
 )
-from server.nav.ekf.states import X_ACCEL_BIAS, X_GYRO_BIAS, X_POS, X_Q, X_VEL
+from server.nav.ekf.states import (
+    FIELD,
+    MAG_BIAS,
+    WIND,
+    X_ACCEL_BIAS,
+    X_GYRO_BIAS,
+    X_POS,
+    X_Q,
+    X_VEL,
+    packed,
+)
 from server.nav.rotation import matrix_entries, quat_from_rotvec, quat_mul
 from server.nav.types import Float, Int
 
@@ -35,7 +47,7 @@ VIBRATION_BANDWIDTH_HZ: Final = 100.0
 0.5 m/s² at 333 Hz is then over-estimated by 1.8, a board's own 20 Hz low-pass under-estimated by as much."""
 
 
-@njit("UniTuple(float64, 3)(float64[::1], int64[::1])", cache=True)
+@njit("UniTuple(float64, 3)(float64[::1], int64[::1])", cache=True, _nrt=False)
 def frame_rate(x: Float, ctl: Int) -> tuple[float, float, float]:
     """Return ω_in in NED, rad/s: Earth rate plus transport rate; zero where the place is unknown."""
     if ctl[C_HAS_SITE] == 0:
@@ -47,13 +59,13 @@ def frame_rate(x: Float, ctl: Int) -> tuple[float, float, float]:
     return EARTH_RATE_RAD_S * math.cos(lat) + ve, -vn, -EARTH_RATE_RAD_S * math.sin(lat) - ve * math.tan(lat)
 
 
-@njit("float64(float64[::1], float64[::1], int64[::1])", cache=True)
+@njit("float64(float64[::1], float64[::1], int64[::1])", cache=True, _nrt=False)
 def gravity_here(x: Float, aux: Float, ctl: Int) -> float:
     """Return gravity in m/s²: normal gravity at the position, the standard value where the place is unknown."""
     return normal_gravity(x[X_POS], x[X_POS + 2]) if ctl[C_HAS_SITE] else aux[A_GRAVITY]
 
 
-@njit("void(float64[::1], float64, float64, float64)", cache=True)
+@njit("void(float64[::1], float64, float64, float64)", cache=True, _nrt=False)
 def move_position(x: Float, north_m: float, east_m: float, down_m: float) -> None:
     """Shift latitude, longitude and height by metres in NED."""
     meridian, prime = curvature_radii(x[X_POS])
@@ -62,37 +74,103 @@ def move_position(x: Float, north_m: float, east_m: float, down_m: float) -> Non
     x[X_POS + 2] -= down_m
 
 
-@njit(
-    "void(float64[::1], UniTuple(float64, 9), UniTuple(float64, 3), float64[::1], float64[::1], float64[::1])",
-    cache=True,
-)
-def _predict_errors(
-    P: Float,
-    R: tuple[float, float, float, float, float, float, float, float, float],
-    fn: tuple[float, float, float],
-    u: Float,
-    par: Float,
-    row: Float,
-) -> None:
-    """Advance the covariance; a bridged gap adds what may have happened unseen in it."""
+@njit("void(float64[::1], float64[::1], int64, int64)", cache=True, _nrt=False, fastmath={"contract"})
+def predict_columns(P: Float, u: Float, first: int, last: int) -> None:
+    """Advance the covariances of states [first, last), which do not move themselves, with the inertial ones.
+
+    Args:
+        P: packed lower triangle.
+        u: as `covariance.predict_covariance` takes it.
+    """
+    f0, f1, f2, dt = u[0], u[1], u[2], u[12]
+    a00, a01, a02, a10, a11, a12, a20, a21, a22 = u[3], u[4], u[5], u[6], u[7], u[8], u[9], u[10], u[11]
+    k = first * (first + 1) // 2
+    for c in range(first, last):
+        t0, t1, t2, v0, v1, v2 = P[k], P[k + 1], P[k + 2], P[k + 3], P[k + 4], P[k + 5]
+        g0, g1, g2, b0, b1, b2 = P[k + 9], P[k + 10], P[k + 11], P[k + 12], P[k + 13], P[k + 14]
+        P[k + 6] += dt * v0
+        P[k + 7] += dt * v1
+        P[k + 8] += dt * v2
+        P[k + 3] = v0 + f2 * t1 - f1 * t2 - a00 * b0 - a01 * b1 - a02 * b2
+        P[k + 4] = v1 - f2 * t0 + f0 * t2 - a10 * b0 - a11 * b1 - a12 * b2
+        P[k + 5] = v2 + f1 * t0 - f0 * t1 - a20 * b0 - a21 * b1 - a22 * b2
+        P[k] = t0 - a00 * g0 - a01 * g1 - a02 * g2
+        P[k + 1] = t1 - a10 * g0 - a11 * g1 - a12 * g2
+        P[k + 2] = t2 - a20 * g0 - a21 * g1 - a22 * g2
+        k += c + 1
+
+
+@njit("void(float64[::1], float64[::1], float64[::1], float64[::1])", cache=True, _nrt=False)
+def _predict_errors(P: Float, u: Float, par: Float, work: Float) -> None:
+    """Advance the covariance; work[:13] holds f, A and dt. A bridged gap adds what may have happened in it."""
     dt, gap = u[U_DT], u[U_GAP_S]
-    for i in range(3):
-        row[i] = fn[i]
+    shaking = u[U_VIBRATION] * u[U_VIBRATION] / (3.0 * VIBRATION_BANDWIDTH_HZ)
+    work[13] = par[PAR_GYRO_NOISE] * par[PAR_GYRO_NOISE] * dt + 0.25 * gap * gap
+    work[14] = (par[PAR_ACCEL_NOISE] * par[PAR_ACCEL_NOISE] + shaking) * dt + 9.0 * gap * gap
+    work[15] = 0.0
+    work[16] = par[PAR_GYRO_WALK] * par[PAR_GYRO_WALK] * dt
+    work[17] = par[PAR_ACCEL_WALK] * par[PAR_ACCEL_WALK] * dt
+    predict_covariance(P, work)
+    n = int(work[W_DIM])
+    if n > FIELD:
+        predict_columns(P, work, FIELD, n)
+        field = par[PAR_FIELD_WALK] * par[PAR_FIELD_WALK] * dt
+        bias = par[PAR_MAG_BIAS_WALK] * par[PAR_MAG_BIAS_WALK] * dt
+        for i in range(3):
+            P[packed(FIELD + i, FIELD + i)] += field
+            P[packed(MAG_BIAS + i, MAG_BIAS + i)] += bias
+    if n > WIND:
+        wind = par[PAR_WIND_WALK] * par[PAR_WIND_WALK] * dt
+        P[packed(WIND, WIND)] += wind
+        P[packed(WIND + 1, WIND + 1)] += wind
+
+
+@njit("void(float64[::1], float64[::1], float64[::1], float64[::1], int64[::1])", cache=True, _nrt=False)
+def _move(x: Float, u: Float, work: Float, aux: Float, ctl: Int) -> None:
+    """Advance the nominal state; f, A and dt for the covariance go to work[:13]."""
+    dt = u[U_DT]
+    qw, qx, qy, qz = x[X_Q], x[X_Q + 1], x[X_Q + 2], x[X_Q + 3]
+    R = matrix_entries(qw, qx, qy, qz)
+    dx, dy = u[U_DVEL] - x[X_ACCEL_BIAS] * dt, u[U_DVEL + 1] - x[X_ACCEL_BIAS + 1] * dt
+    dz = u[U_DVEL + 2] - x[X_ACCEL_BIAS + 2] * dt
+    fn, fe, fd = R[0] * dx + R[1] * dy + R[2] * dz, R[3] * dx + R[4] * dy + R[5] * dz, R[6] * dx + R[7] * dy + R[8] * dz
+    work[0], work[1], work[2], work[12] = fn, fe, fd, dt
     for i in range(9):
-        row[3 + i] = R[i] * dt
-    row[12] = dt
-    row[13] = par[PAR_GYRO_NOISE] ** 2 * dt + (0.5 * gap) ** 2
-    shaking = u[U_VIBRATION] ** 2 / (3.0 * VIBRATION_BANDWIDTH_HZ)
-    row[14] = (par[PAR_ACCEL_NOISE] ** 2 + shaking) * dt + (3.0 * gap) ** 2
-    row[15] = 0.0
-    row[16] = par[PAR_GYRO_WALK] ** 2 * dt
-    row[17] = par[PAR_ACCEL_WALK] ** 2 * dt
-    row[18] = par[PAR_DECLINATION_WALK] ** 2 * dt
-    predict_covariance(P, row)
+        work[3 + i] = R[i] * dt
+    wn = we = wd = 0.0
+    if ctl[C_HAS_SITE]:  # one sine and one cosine of the latitude serve radii, gravity and Earth rate
+        height, vn, ve, vd = x[X_POS + 2], x[X_VEL], x[X_VEL + 1], x[X_VEL + 2]
+        sl, cl = math.sin(x[X_POS]), math.cos(x[X_POS])
+        g, meridian, prime = gravity_and_radii(sl * sl, height)
+        east = ve / (prime + height)
+        wn, we, wd = EARTH_RATE_RAD_S * cl + east, -vn / (meridian + height), -EARTH_RATE_RAD_S * sl - east * sl / cl
+        if ctl[C_POSITIONED]:
+            cn, cd = wn + EARTH_RATE_RAD_S * cl, wd - EARTH_RATE_RAD_S * sl  # 2 ω_ie + ω_en
+            x[X_VEL] += fn - (we * vd - cd * ve) * dt
+            x[X_VEL + 1] += fe - (cd * vn - cn * vd) * dt
+            x[X_VEL + 2] += fd + (g - (cn * ve - we * vn)) * dt
+            half = 0.5 * dt
+            x[X_POS + 1] += half * (ve + x[X_VEL + 1]) / ((prime + height) * cl)
+            x[X_POS] += half * (vn + x[X_VEL]) / (meridian + height)
+            x[X_POS + 2] -= half * (vd + x[X_VEL + 2])
+    # Attitude: body rotation on the right, rotation of the local frame (under 1e-5 rad) on the left.
+    t = quat_from_rotvec(
+        u[U_DTHETA] - x[X_GYRO_BIAS] * dt,
+        u[U_DTHETA + 1] - x[X_GYRO_BIAS + 1] * dt,
+        u[U_DTHETA + 2] - x[X_GYRO_BIAS + 2] * dt,
+    )
+    new = quat_mul(qw, qx, qy, qz, t[0], t[1], t[2], t[3])
+    new = quat_mul(1.0, -0.5 * wn * dt, -0.5 * we * dt, -0.5 * wd * dt, new[0], new[1], new[2], new[3])
+    norm2 = new[0] * new[0] + new[1] * new[1] + new[2] * new[2] + new[3] * new[3]
+    scale = 1.5 - 0.5 * norm2  # one Newton step of 1/√ from 1: the norm is off by rounding and 1e-11 only
+    for i in range(4):
+        x[X_Q + i] = new[i] * scale
 
 
 @njit(
-    "void(float64[::1], float64[::1], float64[::1], float64[::1], float64[::1], int64[::1], float64[::1])", cache=True
+    "void(float64[::1], float64[::1], float64[::1], float64[::1], float64[::1], int64[::1], float64[::1])",
+    cache=True,
+    _nrt=False,
 )
 def predict(x: Float, P: Float, u: Float, par: Float, aux: Float, ctl: Int, work: Float) -> None:
     """Advance state and covariance in place by one step [Solà 2017, eq. 260 and 268, attitude error in NED].
@@ -103,41 +181,5 @@ def predict(x: Float, P: Float, u: Float, par: Float, aux: Float, ctl: Int, work
         u: shape (U_SIZE,), the step.
         par, aux, ctl, work: parameters, memory and scratch, `layout`.
     """
-    dt = u[U_DT]
-    win = frame_rate(x, ctl)
-    q = (x[X_Q], x[X_Q + 1], x[X_Q + 2], x[X_Q + 3])
-    R = matrix_entries(q[0], q[1], q[2], q[3])
-    dv = (
-        u[U_DVEL] - x[X_ACCEL_BIAS] * dt,
-        u[U_DVEL + 1] - x[X_ACCEL_BIAS + 1] * dt,
-        u[U_DVEL + 2] - x[X_ACCEL_BIAS + 2] * dt,
-    )
-    fn = (
-        R[0] * dv[0] + R[1] * dv[1] + R[2] * dv[2],
-        R[3] * dv[0] + R[4] * dv[1] + R[5] * dv[2],
-        R[6] * dv[0] + R[7] * dv[1] + R[8] * dv[2],
-    )
-    # Attitude: body rotation on the right, rotation of the local frame on the left.
-    turn = quat_from_rotvec(
-        u[U_DTHETA] - x[X_GYRO_BIAS] * dt,
-        u[U_DTHETA + 1] - x[X_GYRO_BIAS + 1] * dt,
-        u[U_DTHETA + 2] - x[X_GYRO_BIAS + 2] * dt,
-    )
-    frame = quat_from_rotvec(-win[0] * dt, -win[1] * dt, -win[2] * dt)
-    new = quat_mul(q[0], q[1], q[2], q[3], turn[0], turn[1], turn[2], turn[3])
-    new = quat_mul(frame[0], frame[1], frame[2], frame[3], new[0], new[1], new[2], new[3])
-    scale = 1.0 / math.sqrt(new[0] ** 2 + new[1] ** 2 + new[2] ** 2 + new[3] ** 2)
-    for i in range(4):
-        x[X_Q + i] = new[i] * scale
-
-    if ctl[C_POSITIONED]:
-        g = gravity_here(x, aux, ctl)
-        earth = (EARTH_RATE_RAD_S * math.cos(x[X_POS]), -EARTH_RATE_RAD_S * math.sin(x[X_POS]))
-        w = (win[0] + earth[0], win[1], win[2] + earth[1])  # 2 ω_ie + ω_en
-        vn, ve, vd = x[X_VEL], x[X_VEL + 1], x[X_VEL + 2]
-        x[X_VEL] += fn[0] - (w[1] * vd - w[2] * ve) * dt
-        x[X_VEL + 1] += fn[1] - (w[2] * vn - w[0] * vd) * dt
-        x[X_VEL + 2] += fn[2] + (g - (w[0] * ve - w[1] * vn)) * dt
-        half = 0.5 * dt
-        move_position(x, half * (vn + x[X_VEL]), half * (ve + x[X_VEL + 1]), half * (vd + x[X_VEL + 2]))
-    _predict_errors(P, R, fn, u, par, work[W_U : W_U + 19])
+    _move(x, u, work, aux, ctl)
+    _predict_errors(P, u, par, work)

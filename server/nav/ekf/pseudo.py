@@ -7,7 +7,7 @@ from typing import Final
 
 from numba import njit
 
-from server.nav.codes import GRAVITY, ZERO_RATE, ZERO_VELOCITY
+from server.nav.codes import CAR, GRAVITY, HAND_HELD, ZERO_RATE, ZERO_VELOCITY
 from server.nav.ekf.align import rest
 from server.nav.ekf.history import attach
 from server.nav.ekf.layout import (
@@ -18,10 +18,12 @@ from server.nav.ekf.layout import (
     A_T_STILL,
     C_POSITIONED,
     C_STILL_STEPS,
+    H_ACC,
     H_AID,
     H_SIZE,
     H_STATUS,
     H_T,
+    PAR_VEHICLE,
     U_DT,
     U_T,
     UNDECIDED,
@@ -33,9 +35,12 @@ from server.nav.types import Float, Int
 PSEUDO_INTERVAL_NS: Final = 1e8  # ten a second: the board's sway is correlated for about that long
 REST_BEFORE_ZERO_S: Final = 1.0
 STILL_SPEED_M_S: Final = 0.15
+ZERO_VELOCITY_M_S: Final = 0.05  # a vehicle that stands still sways on its legs or springs
+HOVER_VELOCITY_M_S: Final = 0.7
+"""Without GNSS a hover looks like rest: a drift of 0.1 m/s that lasts for seconds, sampled ten times a second."""
 
 
-@njit("void(float64[::1], float64[::1], float64)", cache=True)
+@njit("void(float64[::1], float64[::1], float64)", cache=True, _nrt=False)
 def _pseudo(h: Float, u: Float, aid: float) -> None:
     for i in range(H_SIZE):
         h[i] = 0.0
@@ -46,6 +51,7 @@ def _pseudo(h: Float, u: Float, aid: float) -> None:
     "int64(float64[::1], int64, float64[::1], float64[::1], int64[::1], float64[::1], float64[:, ::1],"
     " float64[:, :, ::1], int64[::1], float64[:, ::1], float64[::1], float64[::1], float64[::1])",
     cache=True,
+    _nrt=False,
 )
 def pseudo_measurements(
     u: Float,
@@ -82,6 +88,8 @@ def pseudo_measurements(
             return dirty
         aux[A_T_STILL] = t
         _pseudo(h, u, ZERO_VELOCITY)
+        rolls = par[PAR_VEHICLE] == CAR or par[PAR_VEHICLE] == HAND_HELD
+        h[H_ACC] = ZERO_VELOCITY_M_S if fresh or rolls else HOVER_VELOCITY_M_S
         dirty = attach(h, dirty, t, ctl, work, r_u, r_m, r_n, aids, aid_t)
     aux[A_T_RATE] = t
     _pseudo(h, u, ZERO_RATE)

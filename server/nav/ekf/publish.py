@@ -28,7 +28,9 @@ from server.nav.types import Float, Int
 
 
 @njit(
-    "void(float64[::1], float64[::1], float64[::1], float64[::1], float64[::1], int64[::1], float64[::1])", cache=True
+    "void(float64[::1], float64[::1], float64[::1], float64[::1], float64[::1], int64[::1], float64[::1])",
+    cache=True,
+    _nrt=False,
 )
 def publish(x: Float, P: Float, u: Float, par: Float, aux: Float, ctl: Int, out: Float) -> None:
     """Write one row of LANE_COLUMNS: the state carried on from the IMU's own delay to the step's stamp."""

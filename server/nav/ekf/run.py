@@ -22,6 +22,7 @@ from server.nav.ekf.layout import (
     A_GYRO_MEAN,
     A_GYRO_VAR,
     A_K_BARO,
+    A_K_MAG,
     A_K_POS,
     A_K_VEL,
     A_MAG_WEIGHT,
@@ -60,7 +61,7 @@ OUTAGE_S: Final = 1.0
 OUTAGE_INTERVALS: Final = 2.5
 
 
-@njit("void(float64[::1], float64[::1], float64[::1], int64[::1])", cache=True)
+@njit("void(float64[::1], float64[::1], float64[::1], int64[::1])", cache=True, _nrt=False)
 def _forget(x: Float, P: Float, aux: Float, ctl: Int) -> None:
     """Start again from nothing: no number of the failed state may reach the next one."""
     x[:] = 0.0
@@ -69,7 +70,7 @@ def _forget(x: Float, P: Float, aux: Float, ctl: Int) -> None:
     for i in range(3):
         x[X_POS + i] = aux[A_SITE + i]
         aux[A_GYRO_MEAN + i] = aux[A_GYRO_VAR + i] = aux[A_ACCEL_MEAN + i] = aux[A_ACCEL_VAR + i] = 0.0
-    aux[A_K_POS] = aux[A_K_VEL] = aux[A_K_BARO] = 1.0
+    aux[A_K_POS] = aux[A_K_VEL] = aux[A_K_BARO] = aux[A_K_MAG] = 1.0
     aux[A_GNSS_WANDER_VAR] = aux[A_BARO_OFFSET] = aux[A_BARO_OFFSET_VAR] = aux[A_MAG_WEIGHT] = 0.0
     aux[A_T_START] = NEVER_NS
     ctl[C_POSITIONED] = ctl[C_VALID] = ctl[C_ALIGNED_BEFORE] = 0
@@ -77,7 +78,7 @@ def _forget(x: Float, P: Float, aux: Float, ctl: Int) -> None:
     restart(aux, ctl)
 
 
-@njit("void(float64[::1], float64[::1], float64, float64[:, ::1], int64[::1])", cache=True)
+@njit("void(float64[::1], float64[::1], float64, float64[:, ::1], int64[::1])", cache=True, _nrt=False)
 def _mode(par: Float, aux: Float, t: float, events: Float, ctl: Int) -> None:
     """Set the lane's status from what it has; losing GNSS is an event."""
     if not ctl[C_POSITIONED]:
@@ -90,7 +91,7 @@ def _mode(par: Float, aux: Float, t: float, events: Float, ctl: Int) -> None:
     ctl[C_MODE] = mode
 
 
-@njit("boolean(float64[::1], float64[::1])", cache=True)
+@njit("boolean(float64[::1], float64[::1])", cache=True, _nrt=False)
 def _sane(x: Float, P: Float) -> bool:
     for i in range(X_SIZE):
         if not math.isfinite(x[i]):
@@ -103,6 +104,7 @@ def _sane(x: Float, P: Float) -> bool:
     " float64[::1], float64[:, ::1], float64[:, ::1], float64[:, ::1], float64[:, :, ::1], int64[::1],"
     " float64[:, ::1], float64[:, ::1], float64[::1], float64[:, ::1], float64[::1])",
     cache=True,
+    _nrt=False,
 )
 def run(
     steps: Float,
@@ -145,12 +147,12 @@ def run(
             aux[A_MAG_WEIGHT] = 0.0
             aux[A_T_START] = NEVER_NS
         if ctl[C_MODE] == ALIGNING:
-            aligned = u[U_GAP_S] <= GAP_RESTART_S and align(x, P, u, par, aux, ctl)
+            aligned = u[U_GAP_S] <= GAP_RESTART_S and align(x, P, u, par, aux, ctl, work)
             if aligned:
                 tilt = math.sqrt(max(P[packed(ATT, ATT)], P[packed(ATT + 1, ATT + 1)]))
                 heading = math.sqrt(P[packed(ATT + 2, ATT + 2)]) if ctl[C_HAS_HEADING] else math.nan
                 add_event(events, ctl, E_ALIGNED, u[U_T], heading, tilt)
-                push(u, x, P, ctl, r_u, r_x, r_P, r_n)
+                push(u, x, P, ctl, work, r_u, r_x, r_P, r_n)
         else:
             predict(x, P, u, par, aux, ctl, work)
             if not ctl[C_POSITIONED]:
@@ -158,7 +160,7 @@ def run(
                     x[X_VEL + i] = 0.0
                     reset_axis(P, VEL + i, 1.0)
                     reset_axis(P, POS + i, 1.0)
-            push(u, x, P, ctl, r_u, r_x, r_P, r_n)
+            push(u, x, P, ctl, work, r_u, r_x, r_P, r_n)
             dirty = pseudo_measurements(u, dirty, x, aux, ctl, work, r_u, r_m, r_n, aids, aid_t, h, par)
         while k < meas.shape[0] and meas[k, M_STEP] <= n:
             dirty = take(meas[k], dirty, u[U_T], par, aux, ctl, work, r_u, r_m, r_n, aids, aid_t, h)

@@ -6,20 +6,24 @@ import math
 
 from numba import njit
 
-from server.nav.ekf.layout import W_DX, W_H, W_PH
+from server.nav.ekf.layout import W_DIM, W_DX, W_H, W_PH
 from server.nav.ekf.predict import move_position
 from server.nav.ekf.states import (
     ACCEL_BIAS,
     ATT,
-    DECLINATION,
+    FIELD,
     GYRO_BIAS,
+    MAG_BIAS,
     POS,
     VEL,
+    WIND,
     X_ACCEL_BIAS,
-    X_DECLINATION,
+    X_FIELD,
     X_GYRO_BIAS,
+    X_MAG_BIAS,
     X_Q,
     X_VEL,
+    X_WIND,
     N,
     packed,
 )
@@ -30,32 +34,38 @@ MIN_VARIANCE = 1e-18
 """Floor of a diagonal entry after an update; rounding must not take it to zero or below."""
 
 
-@njit("float64(float64[::1], float64[::1])", cache=True, fastmath={"contract"})
+@njit("float64(float64[::1], float64[::1])", cache=True, _nrt=False, fastmath={"contract"})
 def project(P: Float, work: Float) -> float:
     """Set work[W_PH] = P Hᵀ for the row H in work[W_H]; return H P Hᵀ."""
-    for i in range(N):
+    n = int(work[W_DIM])
+    for i in range(n):
         work[W_PH + i] = 0.0
-    for j in range(N):
+    for j in range(n):
         h = work[W_H + j]
         if h != 0.0:
-            for i in range(N):
-                work[W_PH + i] += h * P[packed(i, j)]
+            k = j * (j + 1) // 2
+            for i in range(j + 1):
+                work[W_PH + i] += h * P[k + i]
+            k += 2 * j + 1
+            for i in range(j + 1, n):
+                work[W_PH + i] += h * P[k]
+                k += i + 1
     total = 0.0
-    for j in range(N):
+    for j in range(n):
         total += work[W_H + j] * work[W_PH + j]
     return total
 
 
-@njit("float64(float64[::1])", cache=True)
+@njit("float64(float64[::1])", cache=True, _nrt=False)
 def correction_seen(work: Float) -> float:
     """Return H δx of what was collected so far: the next scalar's innovation must not count it twice."""
     total = 0.0
-    for j in range(N):
+    for j in range(int(work[W_DIM])):
         total += work[W_H + j] * work[W_DX + j]
     return total
 
 
-@njit("void(float64[::1], float64[::1], float64, float64)", cache=True, fastmath={"contract"})
+@njit("void(float64[::1], float64[::1], float64, float64)", cache=True, _nrt=False, fastmath={"contract"})
 def fuse(P: Float, work: Float, innovation: float, variance: float) -> None:
     """Kalman update with one scalar; `project` has been called [Solà 2017, eq. 274-276].
 
@@ -66,18 +76,16 @@ def fuse(P: Float, work: Float, innovation: float, variance: float) -> None:
         variance: innovation variance H P Hᵀ + R, > 0.
     """
     k = 0
-    for i in range(N):
+    for i in range(int(work[W_DIM])):
         gain = work[W_PH + i] / variance
         work[W_DX + i] += gain * innovation
-        for j in range(i, N):
+        for j in range(i + 1):
             P[k] -= gain * work[W_PH + j]
             k += 1
-    for i in range(N):
-        d = packed(i, i)
-        P[d] = max(P[d], MIN_VARIANCE)
+        P[k - 1] = max(P[k - 1], MIN_VARIANCE)
 
 
-@njit("void(float64[::1], float64)", cache=True)
+@njit("void(float64[::1], float64)", cache=True, _nrt=False)
 def rotate_tilt(P: Float, angle_rad: float) -> None:
     """Turn the covariance of the tilt error about down, together with the nominal heading.
 
@@ -95,7 +103,7 @@ def rotate_tilt(P: Float, angle_rad: float) -> None:
     P[packed(ATT + 1, ATT + 1)] = s * s * xx + 2.0 * c * s * xy + c * c * yy
 
 
-@njit("void(float64[::1], float64[::1], float64[::1])", cache=True)
+@njit("void(float64[::1], float64[::1], float64[::1])", cache=True, _nrt=False)
 def inject(x: Float, P: Float, work: Float) -> None:
     """Move the correction collected in work[W_DX] into the nominal state and clear it [Solà 2017, eq. 283]."""
     d = work[W_DX : W_DX + N]
@@ -109,13 +117,16 @@ def inject(x: Float, P: Float, work: Float) -> None:
         x[X_VEL + i] += d[VEL + i]
         x[X_GYRO_BIAS + i] += d[GYRO_BIAS + i]
         x[X_ACCEL_BIAS + i] += d[ACCEL_BIAS + i]
-    x[X_DECLINATION] += d[DECLINATION]
+        x[X_FIELD + i] += d[FIELD + i]
+        x[X_MAG_BIAS + i] += d[MAG_BIAS + i]
+    x[X_WIND] += d[WIND]
+    x[X_WIND + 1] += d[WIND + 1]
     move_position(x, d[POS], d[POS + 1], d[POS + 2])
     for i in range(N):
         d[i] = 0.0
 
 
-@njit("void(float64[::1], int64, float64)", cache=True)
+@njit("void(float64[::1], int64, float64)", cache=True, _nrt=False)
 def reset_axis(P: Float, axis: int, variance: float) -> None:
     """Forget what is known of one error state: no correlation, the given variance."""
     for j in range(N):
@@ -123,7 +134,7 @@ def reset_axis(P: Float, axis: int, variance: float) -> None:
     P[packed(axis, axis)] = variance
 
 
-@njit("void(float64[::1])", cache=True)
+@njit("void(float64[::1])", cache=True, _nrt=False)
 def clear_row(work: Float) -> None:
     """Set H = 0."""
     for j in range(N):

@@ -10,8 +10,9 @@ import numpy as np
 from server.nav.ekf import defaults
 from server.nav.ekf import layout as at
 from server.nav.ekf.align import turn_about_down
+from server.nav.ekf.blocks import start_field
 from server.nav.ekf.run import run
-from server.nav.ekf.states import ATT, DECLINATION, PACKED, X_POS, X_Q, X_SIZE, packed
+from server.nav.ekf.states import ATT, FIELD, INERTIAL, PACKED, WITH_MAG, X_POS, X_Q, X_SIZE, packed
 from server.nav.lanes.base import LaneContext, LaneResult, Parameter, Provides
 from server.nav.types import (
     AID_COLUMNS,
@@ -94,6 +95,10 @@ PARAMETERS: Final = (
         meaning="Magnetometer noise and unmodelled disturbance; larger trusts its heading less.",
     ),
     Parameter(
+        name="mag_bias_sigma_gauss", unit="gauss", default=defaults.MAG_BIAS_SIGMA_GAUSS, minimum=0.0, maximum=1.0,
+        meaning="Magnetic field fixed to the body that a calibration leaves; zero trusts the calibration wholly.",
+    ),
+    Parameter(
         name="baro_noise_m", unit="m", default=math.nan, minimum=0.01, maximum=50.0,
         meaning="Noise of a baro height; larger trusts it less.",
     ),
@@ -128,7 +133,12 @@ def kernel_parameters(context: LaneContext) -> Float:
     par[at.PAR_GATE] = given("gate_sigma")
     par[at.PAR_MAG_NOISE] = given("mag_noise_gauss")
     par[at.PAR_DECLINATION_SIGMA] = given("declination_sigma_rad")
-    par[at.PAR_DECLINATION_WALK] = defaults.DECLINATION_WALK_RAD_RTS
+    par[at.PAR_FIELD_WALK] = defaults.FIELD_WALK_GAUSS_RTS
+    par[at.PAR_FIELD_SIGMA] = defaults.FIELD_SIGMA
+    par[at.PAR_MAG_BIAS_SIGMA] = given("mag_bias_sigma_gauss")
+    par[at.PAR_MAG_BIAS_WALK] = defaults.MAG_BIAS_WALK_GAUSS_RTS
+    par[at.PAR_WIND_SIGMA] = defaults.WIND_SIGMA_M_S
+    par[at.PAR_WIND_WALK] = defaults.WIND_WALK_M_S_RTS
     par[at.PAR_BARO_NOISE] = given("baro_noise_m")
     par[at.PAR_GNSS_CORRELATION] = defaults.GNSS_CORRELATION
     par[at.PAR_LEVER : at.PAR_LEVER + 3] = settings.lever_arm_b_m
@@ -161,10 +171,11 @@ class InsEkf:
             self._aux[index] = at.NEVER_NS
         for index in (at.A_T_RESET, at.A_T_MAG, at.A_T_BARO, at.A_T_STILL, at.A_T_RATE, at.A_T_GRAVITY):
             self._aux[index] = at.NEVER_NS
-        self._aux[at.A_K_POS] = self._aux[at.A_K_VEL] = self._aux[at.A_K_BARO] = 1.0
+        self._aux[at.A_K_POS] = self._aux[at.A_K_VEL] = self._aux[at.A_K_BARO] = self._aux[at.A_K_MAG] = 1.0
         self._aux[at.A_GNSS_INTERVAL] = 1.0
         self._aux[at.A_GRAVITY] = 9.80665
         self._work, self._h = np.zeros(at.W_SIZE), np.zeros(at.H_SIZE)
+        self._work[at.W_DIM] = INERTIAL
         self._r_u, self._r_x = np.zeros((slots, at.U_SIZE)), np.zeros((slots, X_SIZE))
         self._r_P = np.zeros((slots, PACKED))
         self._r_m = np.zeros((slots, at.SLOT_MEASUREMENTS, at.H_SIZE))
@@ -186,19 +197,25 @@ class InsEkf:
             north, east, down = site.field_n_gauss
             aux[at.A_DECLINATION], aux[at.A_FIELD_D] = site.declination_rad, down
             aux[at.A_FIELD_H], ctl[at.C_HAS_FIELD] = math.hypot(north, east), 1
-            variance = self._par[at.PAR_DECLINATION_SIGMA] ** 2
-            self._P[packed(DECLINATION, DECLINATION)] = variance
-            if magnetic:  # the heading is now the magnetic one plus a declination with its own error
-                self._P[packed(ATT + 2, DECLINATION)] = variance
-                self._P[packed(ATT + 2, ATT + 2)] += variance
+            if self._work[at.W_DIM] >= WITH_MAG:
+                start_field(self._x, self._P, self._par, aux, ctl)
             if ctl[at.C_MODE] != LaneStatus.ALIGNING and magnetic:
                 turn_about_down(self._x, self._P, site.declination_rad)
+                self._couple_declination(site)
                 self._pending.append(
                     self._event(at.E_YAW_RESET, self._r_u[self._newest(), 0], site.declination_rad, 0.0)
                 )
         if ctl[at.C_VALID] > 0:  # what is older was held in the other frame and cannot be re-run
             self._r_x[self._newest()], self._r_P[self._newest()] = self._x, self._P
             ctl[at.C_VALID] = 1
+
+    def _couple_declination(self, site: Site) -> None:
+        """Say that the heading is now the magnetic one plus a declination with its own error."""
+        P, D = self._P, site.declination_rad
+        variance = self._par[at.PAR_DECLINATION_SIGMA] ** 2
+        across = variance * self._aux[at.A_FIELD_H]
+        P[packed(ATT + 2, FIELD)], P[packed(ATT + 2, FIELD + 1)] = -math.sin(D) * across, math.cos(D) * across
+        P[packed(ATT + 2, ATT + 2)] += variance
 
     def _newest(self) -> int:
         return int(self._ctl[at.C_HEAD] - 1) % len(self._r_u)

@@ -80,7 +80,7 @@ BRIDGE_S: Final = 0.1
 VIBRATION_CUTOFF_RAD_S: Final = 2.0 * math.pi * 5.0  # autopilots high-pass the vibration measure at 5 Hz
 
 
-@njit("void(float64[::1], float64, float64[::1])", cache=True)
+@njit("void(float64[::1], float64, float64[::1])", cache=True, _nrt=False)
 def _integrate(row: Float, dt: float, s: Float) -> None:
     """Add one sample interval of dt seconds to the open step."""
     gx, gy, gz = 0.5 * (s[S_GYRO] + row[0]), 0.5 * (s[S_GYRO + 1] + row[1]), 0.5 * (s[S_GYRO + 2] + row[2])
@@ -103,7 +103,7 @@ def _integrate(row: Float, dt: float, s: Float) -> None:
     s[S_VIBRATION2] += min(1.0, dt) * (high2 - s[S_VIBRATION2])  # mean over about a second
 
 
-@njit("void(float64, float64[::1], float64[::1])", cache=True)
+@njit("void(float64, float64[::1], float64[::1])", cache=True, _nrt=False)
 def _close_step(t: float, s: Float, out: Float) -> None:
     """Write the open step as one row and open the next one at t."""
     dt = (t - s[S_T_START]) * 1e-9
@@ -124,7 +124,7 @@ def _close_step(t: float, s: Float, out: Float) -> None:
     s[S_T_START] = t
 
 
-@njit("boolean(float64[::1], float64, float64, float64[::1], int64[:, ::1], float64[::1])", cache=True)
+@njit("boolean(float64[::1], float64, float64, float64[::1], int64[:, ::1], float64[::1])", cache=True, _nrt=False)
 def _take_imu(row: Float, t: float, rate_hz: float, s: Float, n: Int, out: Float) -> bool:
     """Add an IMU sample; return True when it closed a step into `out`."""
     if not check_imu(row, t, s, n):
@@ -156,7 +156,7 @@ def _take_imu(row: Float, t: float, rate_hz: float, s: Float, n: Int, out: Float
     return True
 
 
-@njit("void(int64, float64, float64[::1], int64[:, ::1], float64[::1])", cache=True)
+@njit("void(int64, float64, float64[::1], int64[:, ::1], float64[::1])", cache=True, _nrt=False)
 def _take_aid(kind: int, t: float, s: Float, n: Int, out: Float) -> None:
     """Check one measurement whose row is already copied into out[M_DATA:]."""
     row = out[M_DATA:]
@@ -188,6 +188,7 @@ def _take_aid(kind: int, t: float, s: Float, n: Int, out: Float) -> None:
     "UniTuple(int64, 2)(uint8[::1], int64[::1], float64[:, ::1], int64, float64, float64[::1], int64[:, ::1],"
     " float64[:, ::1], float64[:, ::1])",
     cache=True,
+    _nrt=False,
 )
 def accumulate(
     kind: Byte, t_ns: Int, data: Float, t0_ns: int, rate_hz: float, s: Float, n: Int, steps: Float, meas: Float

@@ -21,7 +21,7 @@ from server.nav.ekf.layout import (
 from server.nav.types import Float
 
 
-@njit("void(float64[:, ::1], float64[:, ::1], float64[::1], float64[:, ::1])", cache=True)
+@njit("void(float64[:, ::1], float64[:, ::1], float64[::1], float64[:, ::1])", cache=True, _nrt=False)
 def filtered_rows(steps: Float, meas: Float, held: Float, out: Float) -> None:
     """Write STEP_COLUMNS for each step; slower sensors hold their newest value.
 

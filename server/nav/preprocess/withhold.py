@@ -16,7 +16,7 @@ USE_MAG: Final = 4
 USE_AIRSPEED: Final = 8
 
 
-@njit("void(float64[:, ::1], float64[:, ::1], float64, int64)", cache=True)
+@njit("void(float64[:, ::1], float64[:, ::1], float64, int64)", cache=True, _nrt=False)
 def withhold(meas: Float, withheld: Float, gnss_delay_s: float, use: int) -> None:
     """Set the status of measurements that are switched off, or of GNSS valid inside a withheld interval.
 

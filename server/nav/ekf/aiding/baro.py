@@ -41,7 +41,7 @@ LEARN: Final = 0.02
 DATUM_LOST_NS: Final = 10e9
 
 
-@njit(HANDLER, cache=True)
+@njit(HANDLER, cache=True, _nrt=False)
 def height(h: Float, x: Float, P: Float, u: Float, par: Float, aux: Float, ctl: Int, work: Float) -> None:
     """Handle a baro height: data = height m in the baro's own datum; decide at first use, then correct."""
     if h[H_T] < aux[A_T_RESET]:  # its datum belongs to the height that GNSS has put aside

@@ -13,6 +13,7 @@ from server.nav.codes import (
 )
 from server.nav.ekf.aiding.mag import field_in_ned
 from server.nav.ekf.align import LEAST_NORTH_GAUSS, set_heading
+from server.nav.ekf.blocks import switch_mag_on
 from server.nav.ekf.events import add_event
 from server.nav.ekf.layout import (
     A_DECLINATION,
@@ -40,11 +41,14 @@ COURSE_SPEED_M_S: Final = 3.0  # below it the course of a receiver is noise
 
 
 @njit(
-    "void(float64[::1], float64[::1], float64[::1], float64[::1], float64[::1], int64[::1], float64[::1],"
-    " float64[:, ::1])",
+    "void(float64[::1], float64[::1], float64[::1], float64[::1], float64[::1], float64[::1], int64[::1],"
+    " float64[::1], float64[:, ::1])",
     cache=True,
+    _nrt=False,
 )
-def late_heading(h: Float, x: Float, P: Float, u: Float, aux: Float, ctl: Int, work: Float, events: Float) -> None:
+def late_heading(
+    h: Float, x: Float, P: Float, u: Float, par: Float, aux: Float, ctl: Int, work: Float, events: Float
+) -> None:
     """Take the heading from the first magnetic field that comes after the alignment."""
     z = field_in_ned(h, x, u)
     if math.hypot(z[0], z[1]) < LEAST_NORTH_GAUSS:
@@ -55,6 +59,7 @@ def late_heading(h: Float, x: Float, P: Float, u: Float, aux: Float, ctl: Int, w
     angle = aux[A_DECLINATION] - math.atan2(z[1], z[0])
     angle = (angle + math.pi) % (2.0 * math.pi) - math.pi
     set_heading(x, P, angle)
+    switch_mag_on(x, P, par, aux, ctl, work)
     work[W_OBS], work[W_OBS + 1], work[W_OBS + 2] = z[0], z[1], z[2]
     if h[H_STATUS] == UNDECIDED:
         add_event(events, ctl, E_HEADING, h[H_T], angle, 0.0)
@@ -62,7 +67,7 @@ def late_heading(h: Float, x: Float, P: Float, u: Float, aux: Float, ctl: Int, w
     ctl[C_HAS_HEADING] = 1
 
 
-@njit("boolean(float64[::1], float64[::1], int64[::1])", cache=True)
+@njit("boolean(float64[::1], float64[::1], int64[::1])", cache=True, _nrt=False)
 def tells_heading(h: Float, par: Float, ctl: Int) -> bool:
     """Without a magnetometer, a vehicle that can only move forward shows its heading by its course."""
     if ctl[C_HAS_HEADING] or ctl[C_MAG_SEEN] or par[PAR_VEHICLE] == MULTIROTOR or h[H_STATUS] != UNDECIDED:
@@ -70,7 +75,7 @@ def tells_heading(h: Float, par: Float, ctl: Int) -> bool:
     return bool(math.hypot(h[H_DATA], h[H_DATA + 1]) > max(COURSE_SPEED_M_S, 10.0 * h[H_ACC]))
 
 
-@njit("void(float64[::1], float64[::1], float64[::1], int64[::1], float64[:, ::1])", cache=True)
+@njit("void(float64[::1], float64[::1], float64[::1], int64[::1], float64[:, ::1])", cache=True, _nrt=False)
 def course_heading(h: Float, x: Float, P: Float, ctl: Int, events: Float) -> None:
     """Turn the forward axis to the receiver's course."""
     R = matrix_entries(x[X_Q], x[X_Q + 1], x[X_Q + 2], x[X_Q + 3])

@@ -53,16 +53,23 @@ from server.nav.types import Float, Int
 
 LEARN: Final = 0.05
 """Weight of one fix in the tracked ratio: a memory of 20 fixes, 4 s at 5 Hz."""
-K_MIN: Final = 0.0025  # a twentieth of the reported standard deviation
+K_MIN: Final = 0.0004  # a fiftieth of the reported standard deviation
 K_MAX: Final = 400.0
-POSITION_FLOOR_M: Final = 0.01  # resolution of 1e-7 degrees
+POSITION_FLOOR_M: Final = 0.005  # rounding to 1e-7 degrees, 11 mm, is 3 mm RMS
 VELOCITY_FLOOR_M_S: Final = 0.01  # resolution of centimetres a second
 BARO_FRESH_NS: Final = 2e9
 RESET_SPEED_M_S: Final = 10.0
+POSITION_CORRELATION: Final = 4.0
+"""Variance factor: (1 + ρ)/(1 − ρ) with ρ = 0.6 from fix to fix. A receiver's slow error is not averaged here but
+published on top (`intake.WANDER_SHARE`)."""
 ALTITUDE_CORRELATION_S: Final = 10.0  # GNSS height errors stay the same over about this long (data INDEX)
 
 
-@njit("UniTuple(float64, 9)(float64[::1], float64[::1], float64[::1], float64[::1], int64[::1], float64)", cache=True)
+@njit(
+    "UniTuple(float64, 9)(float64[::1], float64[::1], float64[::1], float64[::1], int64[::1], float64)",
+    cache=True,
+    _nrt=False,
+)
 def antenna(
     x: Float, u: Float, par: Float, aux: Float, ctl: Int, t_ns: float
 ) -> tuple[float, float, float, float, float, float, float, float, float]:
@@ -92,20 +99,20 @@ def antenna(
     )
 
 
-@njit("float64(float64, float64, float64)", cache=True)
+@njit("float64(float64, float64, float64)", cache=True, _nrt=False)
 def tracked_ratio(k: float, excess: float, learn: float) -> float:
     """Return the new ratio of observed to reported variance after one observation of it."""
     return min(K_MAX, max(K_MIN, k + learn * (min(excess, 10.0 * k + 1.0) - k)))
 
 
-@njit("void(float64[::1], float64[::1], int64, int64, float64, int64)", cache=True)
+@njit("void(float64[::1], float64[::1], int64, int64, float64, int64)", cache=True, _nrt=False)
 def _scale(h: Float, aux: Float, axes: int, k_index: int, floor: float, first: int) -> None:
     """Set the variances of `axes` components from the reported accuracies and the tracked ratio."""
     for i in range(first, first + axes):
         h[H_VAR + i] = max(floor * floor, aux[k_index] * h[H_ACC + i] ** 2)
 
 
-@njit("void(float64[::1], float64[::1], float64[::1], float64[::1], int64, int64, int64)", cache=True)
+@njit("void(float64[::1], float64[::1], float64[::1], float64[::1], int64, int64, int64)", cache=True, _nrt=False)
 def _learn(h: Float, P: Float, aux: Float, work: Float, state: int, n: int, k_index: int) -> None:
     """Track the ratio of the innovations' variance, less the filter's own share, to the reported variance."""
     excess = 0.0
@@ -114,7 +121,7 @@ def _learn(h: Float, P: Float, aux: Float, work: Float, state: int, n: int, k_in
     aux[k_index] = tracked_ratio(aux[k_index], excess, LEARN)
 
 
-@njit("void(float64[::1], float64[::1], float64[::1], float64[::1], int64, int64)", cache=True)
+@njit("void(float64[::1], float64[::1], float64[::1], float64[::1], int64, int64)", cache=True, _nrt=False)
 def _judge(h: Float, P: Float, par: Float, work: Float, state: int, n: int) -> None:
     """Decide once whether a measurement is believed: worst component against its gate."""
     worst = 0.0
@@ -127,7 +134,7 @@ def _judge(h: Float, P: Float, par: Float, work: Float, state: int, n: int) -> N
     h[H_STATUS] = FUSED if worst <= 1.0 else REFUSED_GATE
 
 
-@njit("void(float64[::1], float64[::1], int64, float64, float64)", cache=True)
+@njit("void(float64[::1], float64[::1], int64, float64, float64)", cache=True, _nrt=False)
 def _fuse_axis(P: Float, work: Float, state: int, innovation: float, variance: float) -> None:
     """Fuse one directly observed state."""
     clear_row(work)
@@ -136,13 +143,13 @@ def _fuse_axis(P: Float, work: Float, state: int, innovation: float, variance: f
     fuse(P, work, innovation - correction_seen(work), total)
 
 
-@njit("void(float64[::1], float64[::1], float64[::1], float64[::1], int64[::1], float64[::1])", cache=True)
+@njit("void(float64[::1], float64[::1], float64[::1], float64[::1], int64[::1], float64[::1])", cache=True, _nrt=False)
 def _decide_position(h: Float, P: Float, par: Float, aux: Float, ctl: Int, work: Float) -> None:
     """Set status, variances and, while the baro carries the height, how far its datum moves."""
     _learn(h, P, aux, work, POS, 2, A_K_POS)
     _scale(h, aux, 2, A_K_POS, POSITION_FLOOR_M, 0)
-    h[H_VAR] *= par[PAR_GNSS_CORRELATION]
-    h[H_VAR + 1] *= par[PAR_GNSS_CORRELATION]
+    h[H_VAR] *= POSITION_CORRELATION
+    h[H_VAR + 1] *= POSITION_CORRELATION
     _judge(h, P, par, work, POS, 2)
     h[H_SHIFT] = h[H_VAR + 2] = 0.0
     has_height = not math.isnan(h[H_DATA + 2])
@@ -161,7 +168,7 @@ def _decide_position(h: Float, P: Float, par: Float, aux: Float, ctl: Int, work:
         work[W_VAR + 2] = P[packed(POS + 2, POS + 2)] + h[H_VAR + 2]
 
 
-@njit(HANDLER, cache=True)
+@njit(HANDLER, cache=True, _nrt=False)
 def position(h: Float, x: Float, P: Float, u: Float, par: Float, aux: Float, ctl: Int, work: Float) -> None:
     """Handle a GNSS position: data = latitude rad, longitude rad, height m; decide at first use, then correct."""
     ant = antenna(x, u, par, aux, ctl, h[H_T])
@@ -185,7 +192,7 @@ def position(h: Float, x: Float, P: Float, u: Float, par: Float, aux: Float, ctl
     x[X_POS + 2] += h[H_SHIFT]
 
 
-@njit(HANDLER, cache=True)
+@njit(HANDLER, cache=True, _nrt=False)
 def reset_position(h: Float, x: Float, P: Float, u: Float, par: Float, aux: Float, ctl: Int, work: Float) -> None:
     """Put the state at the receiver's position, with its accuracy and an unknown velocity; the size stays in work."""
     for i in range(3):
@@ -208,7 +215,7 @@ def reset_position(h: Float, x: Float, P: Float, u: Float, par: Float, aux: Floa
         aux[A_T_RESET] = h[H_T]
 
 
-@njit(HANDLER, cache=True)
+@njit(HANDLER, cache=True, _nrt=False)
 def velocity(h: Float, x: Float, P: Float, u: Float, par: Float, aux: Float, ctl: Int, work: Float) -> None:
     """Handle a GNSS velocity: data = NED m/s, down may be NaN; decide at first use, then correct."""
     ant = antenna(x, u, par, aux, ctl, h[H_T])

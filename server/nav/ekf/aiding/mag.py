@@ -1,7 +1,8 @@
-"""Magnetic field: its horizontal part across magnetic north corrects the heading.
+"""Magnetic field: three axes against the Earth field and the bias fixed to the body, both states of the filter.
 
-The measured field is turned into NED with the present attitude; what lies across the model's horizontal direction is
-the innovation. Strength and the component along north are not fused: iron and a wrong scale show there first.
+The measurement is compared in NED, where its noise is as round as in the body: with z = R_nb (m_b − b) and the
+field state E, z − E = [E]× δθ + δE + R_nb δb. The model's direction and strength are the field's prior, so the
+declination is learned within what the model leaves open, and a magnet carried along shows once the vehicle turns.
 """
 
 from __future__ import annotations
@@ -12,10 +13,11 @@ from typing import Final
 from numba import njit
 
 from server.nav.codes import FUSED, REFUSED_DISTURBED, REFUSED_GATE
+from server.nav.ekf.aiding.gnss import tracked_ratio
 from server.nav.ekf.layout import (
-    A_DECLINATION,
     A_FIELD_D,
     A_FIELD_H,
+    A_K_MAG,
     C_HAS_FIELD,
     H_DATA,
     H_STATUS,
@@ -34,24 +36,27 @@ from server.nav.ekf.layout import (
     W_RATIO,
     W_VAR,
 )
-from server.nav.ekf.states import ATT, DECLINATION, X_DECLINATION, X_GYRO_BIAS, X_Q
+from server.nav.ekf.states import ATT, FIELD, MAG_BIAS, X_FIELD, X_GYRO_BIAS, X_MAG_BIAS, X_Q
 from server.nav.ekf.update import clear_row, correction_seen, fuse, project
 from server.nav.rotation import matrix_entries
 from server.nav.types import Float, Int
 
+LEARN: Final = 0.01  # weight of one sample in the tracked noise: 5 to 10 s of samples
+K_MIN: Final = 0.1  # a third of the standard deviation: below it quantisation and soft iron remain
+K_MAX: Final = 25.0
 STRENGTH_TOLERANCE: Final = 0.25
 """Share of the model's strength; crustal anomalies stay under 10 %, uncalibrated soft iron under 20 %."""
 
 
-@njit("UniTuple(float64, 3)(float64[::1], float64[::1], float64[::1])", cache=True)
+@njit("UniTuple(float64, 3)(float64[::1], float64[::1], float64[::1])", cache=True, _nrt=False)
 def field_in_ned(h: Float, x: Float, u: Float) -> tuple[float, float, float]:
-    """Return the measured field in NED, gauss, turned with the attitude at the measurement's own time."""
+    """Return the measured field less the body's bias in NED, gauss, turned with the attitude at its own time."""
     R = matrix_entries(x[X_Q], x[X_Q + 1], x[X_Q + 2], x[X_Q + 3])
     tau = (h[H_T] - u[U_T]) * 1e-9
     wx = tau * (u[U_GYRO] - x[X_GYRO_BIAS])
     wy = tau * (u[U_GYRO + 1] - x[X_GYRO_BIAS + 1])
     wz = tau * (u[U_GYRO + 2] - x[X_GYRO_BIAS + 2])
-    bx, by, bz = h[H_DATA], h[H_DATA + 1], h[H_DATA + 2]
+    bx, by, bz = h[H_DATA] - x[X_MAG_BIAS], h[H_DATA + 1] - x[X_MAG_BIAS + 1], h[H_DATA + 2] - x[X_MAG_BIAS + 2]
     mx, my, mz = bx + wy * bz - wz * by, by + wz * bx - wx * bz, bz + wx * by - wy * bx
     return (
         R[0] * mx + R[1] * my + R[2] * mz,
@@ -60,34 +65,44 @@ def field_in_ned(h: Float, x: Float, u: Float) -> tuple[float, float, float]:
     )
 
 
-@njit(HANDLER, cache=True)
-def heading(h: Float, x: Float, P: Float, u: Float, par: Float, aux: Float, ctl: Int, work: Float) -> None:
-    """Handle a magnetic field in the body, gauss; decide at first use, then correct.
-
-    With z = R_nb m_b, the model m_n = (Bh cos D, Bh sin D, Bz) and e across magnetic north, z·e = δθ·(e × m_n) + Bh δD.
-    """
-    z = field_in_ned(h, x, u)
-    declination = aux[A_DECLINATION] + x[X_DECLINATION]
-    cd, sd = math.cos(declination), math.sin(declination)
-    Bh, Bz = aux[A_FIELD_H], aux[A_FIELD_D]
-    work[W_PRED], work[W_PRED + 1], work[W_PRED + 2] = Bh * cd, Bh * sd, Bz
-    for i in range(3):
-        work[W_OBS + i] = z[i]
-        work[W_INNOV + i] = z[i] - work[W_PRED + i]
-    across = -sd * z[0] + cd * z[1]
+@njit("void(float64[::1], float64[::1], int64)", cache=True, _nrt=False)
+def observe(x: Float, work: Float, i: int) -> None:
+    """Set the row of H of the NED component i: [E]× δθ + δE + R_nb δb."""
+    R = matrix_entries(x[X_Q], x[X_Q + 1], x[X_Q + 2], x[X_Q + 3])
+    j, k = (i + 1) % 3, (i + 2) % 3
     clear_row(work)
-    work[W_H + ATT], work[W_H + ATT + 1], work[W_H + ATT + 2] = cd * Bz, sd * Bz, -Bh
-    work[W_H + DECLINATION] = Bh
-    if h[H_STATUS] == UNDECIDED:
-        h[H_VAR] = par[PAR_MAG_NOISE] ** 2
-        total = project(P, work) + h[H_VAR]
-        work[W_VAR] = work[W_VAR + 1] = work[W_VAR + 2] = total
-        work[W_RATIO] = across**2 / (par[PAR_GATE] ** 2 * total)
-        h[H_STATUS] = FUSED if work[W_RATIO] <= 1.0 else REFUSED_GATE
-        strength = math.sqrt(Bh * Bh + Bz * Bz)
+    work[W_H + ATT + j], work[W_H + ATT + k] = -x[X_FIELD + k], x[X_FIELD + j]
+    work[W_H + FIELD + i] = 1.0
+    for c in range(3):
+        work[W_H + MAG_BIAS + c] = R[3 * i + c]
+
+
+@njit(HANDLER, cache=True, _nrt=False)
+def field(h: Float, x: Float, P: Float, u: Float, par: Float, aux: Float, ctl: Int, work: Float) -> None:
+    """Handle a magnetic field in the body, gauss; decide at first use, then correct."""
+    z = field_in_ned(h, x, u)
+    undecided = h[H_STATUS] == UNDECIDED
+    worst, excess = 0.0, 0.0
+    for i in range(3):
+        work[W_PRED + i], work[W_OBS + i] = x[X_FIELD + i], z[i]
+        work[W_INNOV + i] = z[i] - x[X_FIELD + i]
+        if undecided:
+            h[H_VAR] = aux[A_K_MAG] * par[PAR_MAG_NOISE] ** 2
+            observe(x, work, i)
+            own = project(P, work)
+            excess += (work[W_INNOV + i] ** 2 - own) / (3.0 * par[PAR_MAG_NOISE] ** 2)
+            work[W_VAR + i] = own + h[H_VAR]
+            worst = max(worst, work[W_INNOV + i] ** 2 / (par[PAR_GATE] ** 2 * work[W_VAR + i]))
+    if undecided:
+        work[W_RATIO] = worst
+        h[H_STATUS] = FUSED if worst <= 1.0 else REFUSED_GATE
+        strength = math.sqrt(aux[A_FIELD_H] ** 2 + aux[A_FIELD_D] ** 2)
         off = abs(math.sqrt(z[0] ** 2 + z[1] ** 2 + z[2] ** 2) - strength)
         if ctl[C_HAS_FIELD] and off > STRENGTH_TOLERANCE * strength:
             h[H_STATUS] = REFUSED_DISTURBED
+        aux[A_K_MAG] = min(K_MAX, max(K_MIN, tracked_ratio(aux[A_K_MAG], excess, LEARN)))
     if h[H_STATUS] == FUSED:
-        total = project(P, work) + h[H_VAR]
-        fuse(P, work, across - correction_seen(work), total)
+        for i in range(3):
+            observe(x, work, i)
+            total = project(P, work) + h[H_VAR]
+            fuse(P, work, work[W_INNOV + i] - correction_seen(work), total)
