@@ -24,7 +24,7 @@ WARMED = ("server.nav.engine", "server.protocol.mavlink", "server.replay", "serv
 """Modules whose `warm()` calls their kernels, for those that are only compiled when called."""
 
 DECORATORS = ("njit", "kernel")
-"""Numba's own, and that of `server.protocol.mavlink.compiled`."""
+"""Numba's own, and that of `server.nav.kernel`."""
 
 
 def modules_with_kernels() -> Iterator[str]:

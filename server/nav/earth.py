@@ -4,8 +4,6 @@ from __future__ import annotations
 
 import math
 
-from numba import njit
-
 from server.nav.constants import (
     WGS84_A_M,
     WGS84_E2,
@@ -14,9 +12,10 @@ from server.nav.constants import (
     WGS84_M,
     WGS84_SOMIGLIANA_K,
 )
+from server.nav.kernel import kernel
 
 
-@njit("UniTuple(float64, 3)(float64, float64)", cache=True, _nrt=False)
+@kernel("UniTuple(float64, 3)(float64, float64)")
 def gravity_and_radii(sin2: float, height_m: float) -> tuple[float, float, float]:
     """Return normal gravity m/s² and the meridian and prime vertical radii m, from the squared sine of the latitude.
 
@@ -31,13 +30,13 @@ def gravity_and_radii(sin2: float, height_m: float) -> tuple[float, float, float
     return gravity, prime * (1.0 - WGS84_E2) * inverse * inverse, prime
 
 
-@njit("float64(float64, float64)", cache=True, _nrt=False)
+@kernel("float64(float64, float64)")
 def normal_gravity(lat_rad: float, height_m: float) -> float:
     """Return normal gravity in m/s² at a geodetic latitude and height [NIMA TR8350.2, eq. 4-1 and 4-3]."""
     return gravity_and_radii(math.sin(lat_rad) ** 2, height_m)[0]
 
 
-@njit("UniTuple(float64, 2)(float64)", cache=True, _nrt=False)
+@kernel("UniTuple(float64, 2)(float64)")
 def curvature_radii(lat_rad: float) -> tuple[float, float]:
     """Return (meridian, prime vertical) radii of curvature in m at a geodetic latitude [NIMA TR8350.2, §3.2]."""
     w2 = 1.0 - WGS84_E2 * math.sin(lat_rad) ** 2
@@ -45,7 +44,7 @@ def curvature_radii(lat_rad: float) -> tuple[float, float]:
     return prime * (1.0 - WGS84_E2) / w2, prime
 
 
-@njit("UniTuple(float64, 3)(float64, float64, float64, float64, float64, float64)", cache=True, _nrt=False)
+@kernel("UniTuple(float64, 3)(float64, float64, float64, float64, float64, float64)")
 def ned_from_lla(
     lat_rad: float, lon_rad: float, height_m: float, lat0_rad: float, lon0_rad: float, height0_m: float
 ) -> tuple[float, float, float]:

@@ -9,15 +9,15 @@ import math
 from typing import Final
 
 import numpy as np
-from numba import njit
 
+from server.nav.kernel import kernel
 from server.nav.types import Float
 
 SMALL_ANGLE_RAD2: Final = 0.04
 """Below this squared angle the series is exact to float64: the next term is angle⁴/1920."""
 
 
-@njit("UniTuple(float64, 4)(float64, float64, float64)", cache=True, _nrt=False)
+@kernel("UniTuple(float64, 4)(float64, float64, float64)")
 def quat_from_rotvec(x_rad: float, y_rad: float, z_rad: float) -> tuple[float, float, float, float]:
     """Return Exp of a rotation vector, rad, as a quaternion [Solà 2017, eq. 101]."""
     angle2 = x_rad * x_rad + y_rad * y_rad + z_rad * z_rad
@@ -31,11 +31,7 @@ def quat_from_rotvec(x_rad: float, y_rad: float, z_rad: float) -> tuple[float, f
     return math.cos(0.5 * angle), scale * x_rad, scale * y_rad, scale * z_rad
 
 
-@njit(
-    "UniTuple(float64, 4)(float64, float64, float64, float64, float64, float64, float64, float64)",
-    cache=True,
-    _nrt=False,
-)
+@kernel("UniTuple(float64, 4)(float64, float64, float64, float64, float64, float64, float64, float64)")
 def quat_mul(
     aw: float, ax: float, ay: float, az: float, bw: float, bx: float, by: float, bz: float
 ) -> tuple[float, float, float, float]:
@@ -48,7 +44,7 @@ def quat_mul(
     )
 
 
-@njit("UniTuple(float64, 3)(float64, float64, float64, float64)", cache=True, _nrt=False)
+@kernel("UniTuple(float64, 3)(float64, float64, float64, float64)")
 def rotvec_from_quat(w: float, x: float, y: float, z: float) -> tuple[float, float, float]:
     """Return Log of a unit quaternion as a rotation vector, rad, of at most π [Solà 2017, eq. 105]."""
     if w < 0.0:
@@ -58,7 +54,7 @@ def rotvec_from_quat(w: float, x: float, y: float, z: float) -> tuple[float, flo
     return scale * x, scale * y, scale * z
 
 
-@njit("UniTuple(float64, 9)(float64, float64, float64, float64)", cache=True, _nrt=False)
+@kernel("UniTuple(float64, 9)(float64, float64, float64, float64)")
 def matrix_entries(
     w: float, x: float, y: float, z: float
 ) -> tuple[float, float, float, float, float, float, float, float, float]:

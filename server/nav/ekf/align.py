@@ -5,8 +5,6 @@ from __future__ import annotations
 import math
 from typing import Final
 
-from numba import njit
-
 from server.nav.codes import ATTITUDE
 from server.nav.ekf.aiding.mag import observe
 from server.nav.ekf.blocks import switch_mag_on
@@ -56,6 +54,7 @@ from server.nav.ekf.states import (
     packed,
 )
 from server.nav.ekf.update import correction_seen, fuse, inject, project, reset_axis, rotate_tilt
+from server.nav.kernel import kernel
 from server.nav.rotation import matrix_entries, quat_from_rotvec, quat_mul
 from server.nav.types import Float, Int
 
@@ -76,7 +75,7 @@ GYRO_BIAS_SIGMA_MOVING_RAD_S: Final = 0.02
 GYRO_BIAS_SIGMA_AGAIN_RAD_S: Final = 2e-3
 
 
-@njit("boolean(float64[::1], float64[::1], int64[::1], float64)", cache=True, _nrt=False)
+@kernel("boolean(float64[::1], float64[::1], int64[::1], float64)")
 def rest(u: Float, aux: Float, ctl: Int, gravity_m_s2: float) -> bool:
     """Update the running spread of rate and specific force; return whether the board looks still."""
     blend = min(1.0, u[U_DT] / STILL_BLEND_S)
@@ -97,14 +96,14 @@ def rest(u: Float, aux: Float, ctl: Int, gravity_m_s2: float) -> bool:
     return still
 
 
-@njit("void(float64[::1], float64[::1])", cache=True, _nrt=False)
+@kernel("void(float64[::1], float64[::1])")
 def _collect(u: Float, aux: Float) -> None:
     for i in range(3):
         aux[A_GYRO_SUM + i] += u[U_GYRO_MEAN + i]
         aux[A_ACCEL_SUM + i] += u[U_ACCEL_MEAN + i]
 
 
-@njit("void(float64[::1], int64[::1])", cache=True, _nrt=False)
+@kernel("void(float64[::1], int64[::1])")
 def restart(aux: Float, ctl: Int) -> None:
     """Forget what was averaged: the board moved. The field keeps its newest sample only (`intake`)."""
     for i in range(3):
@@ -112,7 +111,7 @@ def restart(aux: Float, ctl: Int) -> None:
     ctl[C_ALIGN_STEPS] = 0
 
 
-@njit("void(float64[::1], float64[::1], float64)", cache=True, _nrt=False)
+@kernel("void(float64[::1], float64[::1], float64)")
 def turn_about_down(x: Float, P: Float, angle_rad: float) -> None:
     """Add an angle to the heading; the tilt error turns with it (`rotate_tilt`)."""
     rotate_tilt(P, angle_rad)
@@ -121,7 +120,7 @@ def turn_about_down(x: Float, P: Float, angle_rad: float) -> None:
     x[X_Q], x[X_Q + 1], x[X_Q + 2], x[X_Q + 3] = q
 
 
-@njit("boolean(float64[::1], float64[::1])", cache=True, _nrt=False)
+@kernel("boolean(float64[::1], float64[::1])")
 def _shows_north(x: Float, aux: Float) -> bool:
     """Return whether the mean field has a horizontal part that is worth a heading."""
     w = aux[A_MAG_WEIGHT]
@@ -133,7 +132,7 @@ def _shows_north(x: Float, aux: Float) -> bool:
     return math.hypot(R[0] * mx + R[1] * my + R[2] * mz, R[3] * mx + R[4] * my + R[5] * mz) > LEAST_NORTH_GAUSS
 
 
-@njit("void(float64[::1], float64[::1], float64[::1])", cache=True, _nrt=False)
+@kernel("void(float64[::1], float64[::1], float64[::1])")
 def _heading_from_field(x: Float, P: Float, aux: Float) -> None:
     """Turn x about the vertical so that the mean field points to magnetic north, declination added."""
     R = matrix_entries(x[X_Q], x[X_Q + 1], x[X_Q + 2], x[X_Q + 3])
@@ -144,7 +143,7 @@ def _heading_from_field(x: Float, P: Float, aux: Float) -> None:
     turn_about_down(x, P, aux[A_DECLINATION] - math.atan2(east, north))
 
 
-@njit("void(float64[::1], float64[::1])", cache=True, _nrt=False)
+@kernel("void(float64[::1], float64[::1])")
 def _field_from_mean(x: Float, aux: Float) -> None:
     """Take the field measured at alignment as the local one, because no model is known yet."""
     R = matrix_entries(x[X_Q], x[X_Q + 1], x[X_Q + 2], x[X_Q + 3])
@@ -156,7 +155,7 @@ def _field_from_mean(x: Float, aux: Float) -> None:
     aux[A_FIELD_D] = R[6] * mx + R[7] * my + R[8] * mz
 
 
-@njit("void(float64[::1], float64[::1], float64[::1], float64[::1], int64[::1], float64[::1])", cache=True, _nrt=False)
+@kernel("void(float64[::1], float64[::1], float64[::1], float64[::1], int64[::1], float64[::1])")
 def _couple_heading(x: Float, P: Float, par: Float, aux: Float, ctl: Int, work: Float) -> None:
     """Say what a heading taken from the field carries: the errors of tilt, Earth field and magnetic bias.
 
@@ -182,11 +181,7 @@ def _couple_heading(x: Float, P: Float, par: Float, aux: Float, ctl: Int, work: 
     inject(x, P, work)
 
 
-@njit(
-    "void(float64[::1], float64[::1], float64, float64, float64, float64[::1], float64[::1], int64[::1])",
-    cache=True,
-    _nrt=False,
-)
+@kernel("void(float64[::1], float64[::1], float64, float64, float64, float64[::1], float64[::1], int64[::1])")
 def _set(x: Float, P: Float, ax: float, ay: float, az: float, par: Float, aux: Float, ctl: Int) -> None:
     """Set attitude and covariance from a mean specific force in m/s²; heading from the mean field if there is one."""
     roll, pitch = math.atan2(-ay, -az), math.atan2(ax, math.sqrt(ay * ay + az * az))
@@ -217,9 +212,7 @@ def _set(x: Float, P: Float, ax: float, ay: float, az: float, par: Float, aux: F
     ctl[C_MODE] = ATTITUDE
 
 
-@njit(
-    "boolean(float64[::1], float64[::1], float64[::1], float64[::1], int64[::1], float64[::1])", cache=True, _nrt=False
-)
+@kernel("boolean(float64[::1], float64[::1], float64[::1], float64[::1], int64[::1], float64[::1])")
 def _done(x: Float, P: Float, par: Float, aux: Float, ctl: Int, work: Float) -> bool:
     """Close an alignment. A gyro bias learned before a hole in the data is better than a mean that may hold a turn."""
     if ctl[C_ALIGNED_BEFORE]:
@@ -231,11 +224,7 @@ def _done(x: Float, P: Float, par: Float, aux: Float, ctl: Int, work: Float) -> 
     return True
 
 
-@njit(
-    "boolean(float64[::1], float64[::1], float64[::1], float64[::1], float64[::1], int64[::1], float64[::1])",
-    cache=True,
-    _nrt=False,
-)
+@kernel("boolean(float64[::1], float64[::1], float64[::1], float64[::1], float64[::1], int64[::1], float64[::1])")
 def align(x: Float, P: Float, u: Float, par: Float, aux: Float, ctl: Int, work: Float) -> bool:
     """Take one step of alignment; return True when the attitude has just been set.
 
@@ -269,7 +258,7 @@ def align(x: Float, P: Float, u: Float, par: Float, aux: Float, ctl: Int, work: 
     return _done(x, P, par, aux, ctl, work)
 
 
-@njit("void(float64[::1], float64[::1], float64)", cache=True, _nrt=False)
+@kernel("void(float64[::1], float64[::1], float64)")
 def set_heading(x: Float, P: Float, angle_rad: float) -> None:
     """Turn the heading by an angle after which it is known to a few degrees, uncorrelated with everything else."""
     turn_about_down(x, P, angle_rad)

@@ -4,8 +4,6 @@ from __future__ import annotations
 
 import math
 
-from numba import njit
-
 from server.nav.ekf.layout import (
     A_DECLINATION,
     A_FIELD_D,
@@ -19,10 +17,11 @@ from server.nav.ekf.layout import (
 )
 from server.nav.ekf.states import FIELD, MAG_BIAS, WIND, WITH_MAG, X_FIELD, X_MAG_BIAS, X_WIND, N, packed
 from server.nav.ekf.update import reset_axis
+from server.nav.kernel import kernel
 from server.nav.types import Float, Int
 
 
-@njit("void(float64[::1], float64[::1], float64[::1], float64[::1], int64[::1])", cache=True, _nrt=False)
+@kernel("void(float64[::1], float64[::1], float64[::1], float64[::1], int64[::1])")
 def start_field(x: Float, P: Float, par: Float, aux: Float, ctl: Int) -> None:
     """Set the Earth field to the model's, or to the one found at alignment, with the error of either.
 
@@ -42,7 +41,7 @@ def start_field(x: Float, P: Float, par: Float, aux: Float, ctl: Int) -> None:
     P[packed(FIELD + 1, FIELD)] = (share - across) * s * c
 
 
-@njit("void(float64[::1], float64[::1], float64[::1], float64[::1], int64[::1], float64[::1])", cache=True, _nrt=False)
+@kernel("void(float64[::1], float64[::1], float64[::1], float64[::1], int64[::1], float64[::1])")
 def switch_mag_on(x: Float, P: Float, par: Float, aux: Float, ctl: Int, work: Float) -> None:
     """Activate Earth field and magnetic bias, the latter zero with the σ that a calibration leaves."""
     work[W_DIM] = max(work[W_DIM], float(WITH_MAG))
@@ -52,7 +51,7 @@ def switch_mag_on(x: Float, P: Float, par: Float, aux: Float, ctl: Int, work: Fl
         reset_axis(P, MAG_BIAS + i, par[PAR_MAG_BIAS_SIGMA] ** 2)
 
 
-@njit("void(float64[::1], float64[::1], float64[::1], float64[::1])", cache=True, _nrt=False)
+@kernel("void(float64[::1], float64[::1], float64[::1], float64[::1])")
 def switch_wind_on(x: Float, P: Float, par: Float, work: Float) -> None:
     """Activate the wind, calm with the σ of ordinary weather; a magnetic block that is absent stays at zero."""
     work[W_DIM] = float(N)

@@ -2,12 +2,11 @@
 
 from __future__ import annotations
 
-from numba import njit
-
+from server.nav.kernel import kernel
 from server.nav.types import Float
 
 
-@njit("void(float64[::1], float64[::1])", cache=True, _nrt=False, fastmath={"contract"})
+@kernel("void(float64[::1], float64[::1])", contract=True)
 def predict_covariance(P: Float, u: Float) -> None:
     """Set P ← F P Fᵀ + Q in place, inertial states [`derivation.py`].
 

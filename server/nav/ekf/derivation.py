@@ -27,12 +27,11 @@ HEADER: Final = '''"""Straight-line covariance prediction of `ins_ekf`. Written 
 
 from __future__ import annotations
 
-from numba import njit
-
+from server.nav.kernel import kernel
 from server.nav.types import Float
 
 
-@njit("void(float64[::1], float64[::1])", cache=True, _nrt=False, fastmath={"contract"})
+@kernel("void(float64[::1], float64[::1])", contract=True)
 def predict_covariance(P: Float, u: Float) -> None:
     """Set P ← F P Fᵀ + Q in place, inertial states [`derivation.py`].
 

@@ -2,15 +2,14 @@
 
 from __future__ import annotations
 
-from numba import njit
-
 from server.nav.ekf.layout import (
     C_EVENTS,
 )
+from server.nav.kernel import kernel
 from server.nav.types import Float, Int
 
 
-@njit("void(float64[:, ::1], int64[::1], float64, float64, float64, float64)", cache=True, _nrt=False)
+@kernel("void(float64[:, ::1], int64[::1], float64, float64, float64, float64)")
 def add_event(events: Float, ctl: Int, code: float, t_ns: float, first: float, second: float) -> None:
     """Append one event row; past the table's end events are lost, the state is not."""
     k = ctl[C_EVENTS]

@@ -5,8 +5,6 @@ from __future__ import annotations
 import math
 from typing import Final
 
-from numba import njit
-
 from server.nav.codes import (
     BARO_HEIGHT,
     DEAD_RECKONING,
@@ -48,6 +46,7 @@ from server.nav.ekf.layout import (
 )
 from server.nav.ekf.states import N
 from server.nav.ekf.update import inject
+from server.nav.kernel import kernel
 from server.nav.types import Float, Int
 
 REACCEPT_S: Final = 10.0
@@ -62,11 +61,7 @@ baro_height, mag_field = baro.height, mag.field
 zero_velocity, zero_rate, gravity = still.zero_velocity, still.zero_rate, still.gravity
 
 
-@njit(
-    "void(float64, float64, float64, float64, float64[::1], int64[::1], float64[:, ::1], float64[::1])",
-    cache=True,
-    _nrt=False,
-)
+@kernel("void(float64, float64, float64, float64, float64[::1], int64[::1], float64[:, ::1], float64[::1])")
 def record(aid: float, status: float, t_valid: float, t_ns: float, work: Float, ctl: Int, out: Float, t: Float) -> None:
     """Append one aid row from work[W_OBS:W_RATIO + 1]."""
     k = ctl[C_AIDS]
@@ -79,7 +74,7 @@ def record(aid: float, status: float, t_valid: float, t_ns: float, work: Float, 
     ctl[C_AIDS] += 1
 
 
-@njit("void(float64[::1])", cache=True, _nrt=False)
+@kernel("void(float64[::1])")
 def clear_record(work: Float) -> None:
     """Set the record to unknown and the collected correction to zero."""
     for i in range(W_OBS, W_RATIO):
@@ -89,7 +84,7 @@ def clear_record(work: Float) -> None:
         work[W_DX + i] = 0.0
 
 
-@njit("boolean(float64[::1], float64[::1], int64[::1])", cache=True, _nrt=False)
+@kernel("boolean(float64[::1], float64[::1], int64[::1])")
 def _wants_reset(h: Float, aux: Float, ctl: Int) -> bool:
     if h[H_STATUS] == RESET:
         return True
@@ -100,11 +95,9 @@ def _wants_reset(h: Float, aux: Float, ctl: Int) -> bool:
     return bool(ctl[C_REFUSED_RUN] >= REACCEPT_FIXES and (h[H_T] - aux[A_T_REFUSED]) * 1e-9 > REACCEPT_S)
 
 
-@njit(
+@kernel(
     "void(float64[::1], float64[::1], float64[::1], float64[::1], float64[::1], float64[::1], int64[::1],"
-    " float64[::1], float64[:, ::1])",
-    cache=True,
-    _nrt=False,
+    " float64[::1], float64[:, ::1])"
 )
 def _position(
     h: Float, x: Float, P: Float, u: Float, par: Float, aux: Float, ctl: Int, work: Float, events: Float
@@ -138,11 +131,9 @@ def _position(
         ctl[C_REFUSED_RUN] += 1
 
 
-@njit(
+@kernel(
     "void(float64[::1], float64[::1], float64[::1], float64[::1], float64[::1], float64[::1], int64[::1],"
-    " float64[::1], float64[:, ::1], float64[::1], float64[:, ::1], float64)",
-    cache=True,
-    _nrt=False,
+    " float64[::1], float64[:, ::1], float64[::1], float64[:, ::1], float64)"
 )
 def handle(
     h: Float,

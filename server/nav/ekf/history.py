@@ -8,34 +8,31 @@ are taken once, at first use.
 
 from __future__ import annotations
 
-from numba import njit
-
 from server.nav.codes import REFUSED_STALE
 from server.nav.ekf.handle import clear_record, handle, record
 from server.nav.ekf.layout import C_HEAD, C_OVERFLOW, C_VALID, H_AID, H_SIZE, H_T, SLOT_MEASUREMENTS, U_T, W_DIM
 from server.nav.ekf.predict import predict
+from server.nav.kernel import kernel
 from server.nav.types import Float, Int
 
 
-@njit("void(float64[::1], float64[::1], int64)", cache=True, _nrt=False)
+@kernel("void(float64[::1], float64[::1], int64)")
 def copy(source: Float, target: Float, n: int) -> None:
     """Copy the first n numbers; a slice assignment would look for overlap first."""
     for i in range(n):
         target[i] = source[i]
 
 
-@njit("int64(float64[::1])", cache=True, _nrt=False, inline="always")
+@kernel("int64(float64[::1])", inline=True)
 def active(work: Float) -> int:
     """Return how many entries of the packed covariance are in use."""
     n = int(work[W_DIM])
     return n * (n + 1) // 2
 
 
-@njit(
+@kernel(
     "void(float64[::1], float64[::1], float64[::1], int64[::1], float64[::1], float64[:, ::1], float64[:, ::1],"
-    " float64[:, ::1], int64[::1])",
-    cache=True,
-    _nrt=False,
+    " float64[:, ::1], int64[::1])"
 )
 def push(u: Float, x: Float, P: Float, ctl: Int, work: Float, r_u: Float, r_x: Float, r_P: Float, r_n: Int) -> None:
     """Open a slot for the step whose end the state has just been predicted to."""
@@ -48,7 +45,7 @@ def push(u: Float, x: Float, P: Float, ctl: Int, work: Float, r_u: Float, r_x: F
     ctl[C_VALID] = min(ctl[C_VALID] + 1, r_u.shape[0])
 
 
-@njit("int64(float64, int64[::1], float64[:, ::1])", cache=True, _nrt=False)
+@kernel("int64(float64, int64[::1], float64[:, ::1])")
 def find(t_ns: float, ctl: Int, r_u: Float) -> int:
     """Return the number of the slot whose end is nearest to t_ns, −1 when it lies before the history."""
     size = r_u.shape[0]
@@ -65,11 +62,9 @@ def find(t_ns: float, ctl: Int, r_u: Float) -> int:
     return k
 
 
-@njit(
+@kernel(
     "int64(float64[::1], int64, float64, int64[::1], float64[::1], float64[:, ::1], float64[:, :, ::1], int64[::1],"
-    " float64[:, ::1], float64[::1])",
-    cache=True,
-    _nrt=False,
+    " float64[:, ::1], float64[::1])"
 )
 def attach(
     h: Float,
@@ -97,12 +92,10 @@ def attach(
     return k if dirty < 0 or k < dirty else dirty
 
 
-@njit(
+@kernel(
     "void(int64, float64, float64[::1], float64[::1], float64[::1], float64[::1], int64[::1], float64[::1],"
     " float64[:, ::1], float64[:, ::1], float64[:, ::1], float64[:, :, ::1], int64[::1],"
-    " float64[:, ::1], float64[::1], float64[:, ::1])",
-    cache=True,
-    _nrt=False,
+    " float64[:, ::1], float64[::1], float64[:, ::1])"
 )
 def rerun(
     dirty: int,

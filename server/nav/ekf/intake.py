@@ -5,8 +5,6 @@ from __future__ import annotations
 import math
 from typing import Final
 
-from numba import njit
-
 from server.nav.codes import (
     ALIGNING,
     BARO,
@@ -53,6 +51,7 @@ from server.nav.ekf.layout import (
     PAR_MAG_DELAY,
     UNDECIDED,
 )
+from server.nav.kernel import kernel
 from server.nav.types import Float, Int
 
 MAG_INTERVAL_NS: Final = 40e6  # field noise of a vehicle is correlated longer than this: more samples add no knowledge
@@ -68,12 +67,12 @@ MIN_ACC_M: Final = 0.02
 MIN_ACC_M_S: Final = 0.02
 
 
-@njit("float64(float64, float64, float64)", cache=True, _nrt=False)
+@kernel("float64(float64, float64, float64)")
 def _known(value: float, otherwise: float, least: float) -> float:
     return max(least, value) if math.isfinite(value) else otherwise
 
 
-@njit("void(float64[::1], float64, float64, float64[::1])", cache=True, _nrt=False)
+@kernel("void(float64[::1], float64, float64, float64[::1])")
 def _start_row(h: Float, aid: float, t_ns: float, m: Float) -> None:
     for i in range(H_SIZE):
         h[i] = 0.0
@@ -83,7 +82,7 @@ def _start_row(h: Float, aid: float, t_ns: float, m: Float) -> None:
     h[H_SHIFT] = h[H_VAR] = 0.0
 
 
-@njit("void(float64[::1], float64[::1])", cache=True, _nrt=False)
+@kernel("void(float64[::1], float64[::1])")
 def position_row(h: Float, m: Float) -> None:
     """Fill a GNSS position row: latitude, longitude rad, height m, and standard deviations m."""
     h[H_DATA] = math.radians(m[M_DATA])
@@ -92,7 +91,7 @@ def position_row(h: Float, m: Float) -> None:
     h[H_ACC + 2] = _known(m[M_DATA + 7], UNKNOWN_V_ACC_M, MIN_ACC_M)
 
 
-@njit("void(float64[::1], float64[::1])", cache=True, _nrt=False)
+@kernel("void(float64[::1], float64[::1])")
 def velocity_row(h: Float, m: Float) -> None:
     """Fill a GNSS velocity row: NED m/s and standard deviations m/s."""
     for i in range(3):
@@ -100,7 +99,7 @@ def velocity_row(h: Float, m: Float) -> None:
         h[H_ACC + i] = _known(m[M_DATA + 8], UNKNOWN_S_ACC_M_S, MIN_ACC_M_S)
 
 
-@njit("void(float64[::1], float64, float64[::1])", cache=True, _nrt=False)
+@kernel("void(float64[::1], float64, float64[::1])")
 def _note_gnss(m: Float, t_valid: float, aux: Float) -> None:
     """Keep the receiver's interval and speed, which the rest and outage logic need."""
     if aux[A_T_GNSS_SEEN] > NEVER_NS:
@@ -114,11 +113,9 @@ def _note_gnss(m: Float, t_valid: float, aux: Float) -> None:
     aux[A_SPEED_GNSS] = math.sqrt(m[M_DATA + 3] ** 2 + m[M_DATA + 4] ** 2)
 
 
-@njit(
+@kernel(
     "int64(float64[::1], int64, float64, float64[::1], float64[::1], int64[::1], float64[::1], float64[:, ::1],"
-    " float64[:, :, ::1], int64[::1], float64[:, ::1], float64[::1], float64[::1])",
-    cache=True,
-    _nrt=False,
+    " float64[:, :, ::1], int64[::1], float64[:, ::1], float64[::1], float64[::1])"
 )
 def take(
     m: Float,

@@ -5,8 +5,6 @@ from __future__ import annotations
 import math
 from typing import Final
 
-from numba import njit
-
 from server.nav.constants import EARTH_RATE_RAD_S
 from server.nav.earth import curvature_radii, gravity_and_radii, normal_gravity
 from server.nav.ekf.covariance import predict_covariance
@@ -39,6 +37,7 @@ from server.nav.ekf.states import (
     X_VEL,
     packed,
 )
+from server.nav.kernel import kernel
 from server.nav.rotation import matrix_entries, quat_from_rotvec, quat_mul
 from server.nav.types import Float, Int
 
@@ -47,7 +46,7 @@ VIBRATION_BANDWIDTH_HZ: Final = 100.0
 0.5 m/s² at 333 Hz is then over-estimated by 1.8, a board's own 20 Hz low-pass under-estimated by as much."""
 
 
-@njit("UniTuple(float64, 3)(float64[::1], int64[::1])", cache=True, _nrt=False)
+@kernel("UniTuple(float64, 3)(float64[::1], int64[::1])")
 def frame_rate(x: Float, ctl: Int) -> tuple[float, float, float]:
     """Return ω_in in NED, rad/s: Earth rate plus transport rate; zero where the place is unknown."""
     if ctl[C_HAS_SITE] == 0:
@@ -59,13 +58,13 @@ def frame_rate(x: Float, ctl: Int) -> tuple[float, float, float]:
     return EARTH_RATE_RAD_S * math.cos(lat) + ve, -vn, -EARTH_RATE_RAD_S * math.sin(lat) - ve * math.tan(lat)
 
 
-@njit("float64(float64[::1], float64[::1], int64[::1])", cache=True, _nrt=False)
+@kernel("float64(float64[::1], float64[::1], int64[::1])")
 def gravity_here(x: Float, aux: Float, ctl: Int) -> float:
     """Return gravity in m/s²: normal gravity at the position, the standard value where the place is unknown."""
     return normal_gravity(x[X_POS], x[X_POS + 2]) if ctl[C_HAS_SITE] else aux[A_GRAVITY]
 
 
-@njit("void(float64[::1], float64, float64, float64)", cache=True, _nrt=False)
+@kernel("void(float64[::1], float64, float64, float64)")
 def move_position(x: Float, north_m: float, east_m: float, down_m: float) -> None:
     """Shift latitude, longitude and height by metres in NED."""
     meridian, prime = curvature_radii(x[X_POS])
@@ -74,7 +73,7 @@ def move_position(x: Float, north_m: float, east_m: float, down_m: float) -> Non
     x[X_POS + 2] -= down_m
 
 
-@njit("void(float64[::1], float64[::1], int64, int64)", cache=True, _nrt=False, fastmath={"contract"})
+@kernel("void(float64[::1], float64[::1], int64, int64)", contract=True)
 def predict_columns(P: Float, u: Float, first: int, last: int) -> None:
     """Advance the covariances of states [first, last), which do not move themselves, with the inertial ones.
 
@@ -100,7 +99,7 @@ def predict_columns(P: Float, u: Float, first: int, last: int) -> None:
         k += c + 1
 
 
-@njit("void(float64[::1], float64[::1], float64[::1], float64[::1])", cache=True, _nrt=False)
+@kernel("void(float64[::1], float64[::1], float64[::1], float64[::1])")
 def _predict_errors(P: Float, u: Float, par: Float, work: Float) -> None:
     """Advance the covariance; work[:13] holds f, A and dt. A bridged gap adds what may have happened in it."""
     dt, gap = u[U_DT], u[U_GAP_S]
@@ -125,7 +124,7 @@ def _predict_errors(P: Float, u: Float, par: Float, work: Float) -> None:
         P[packed(WIND + 1, WIND + 1)] += wind
 
 
-@njit("void(float64[::1], float64[::1], float64[::1], float64[::1], int64[::1])", cache=True, _nrt=False)
+@kernel("void(float64[::1], float64[::1], float64[::1], float64[::1], int64[::1])")
 def _move(x: Float, u: Float, work: Float, aux: Float, ctl: Int) -> None:
     """Advance the nominal state; f, A and dt for the covariance go to work[:13]."""
     dt = u[U_DT]
@@ -167,11 +166,7 @@ def _move(x: Float, u: Float, work: Float, aux: Float, ctl: Int) -> None:
         x[X_Q + i] = new[i] * scale
 
 
-@njit(
-    "void(float64[::1], float64[::1], float64[::1], float64[::1], float64[::1], int64[::1], float64[::1])",
-    cache=True,
-    _nrt=False,
-)
+@kernel("void(float64[::1], float64[::1], float64[::1], float64[::1], float64[::1], int64[::1], float64[::1])")
 def predict(x: Float, P: Float, u: Float, par: Float, aux: Float, ctl: Int, work: Float) -> None:
     """Advance state and covariance in place by one step [Solà 2017, eq. 260 and 268, attitude error in NED].
 

@@ -5,8 +5,6 @@ from __future__ import annotations
 import math
 from typing import Final
 
-from numba import njit
-
 from server.nav.codes import CAR, GRAVITY, HAND_HELD, ZERO_RATE, ZERO_VELOCITY
 from server.nav.ekf.align import rest
 from server.nav.ekf.history import attach
@@ -30,6 +28,7 @@ from server.nav.ekf.layout import (
 )
 from server.nav.ekf.predict import gravity_here
 from server.nav.ekf.states import X_VEL
+from server.nav.kernel import kernel
 from server.nav.types import Float, Int
 
 PSEUDO_INTERVAL_NS: Final = 1e8  # ten a second: the board's sway is correlated for about that long
@@ -40,18 +39,16 @@ HOVER_VELOCITY_M_S: Final = 0.7
 """Without GNSS a hover looks like rest: a drift of 0.1 m/s that lasts for seconds, sampled ten times a second."""
 
 
-@njit("void(float64[::1], float64[::1], float64)", cache=True, _nrt=False)
+@kernel("void(float64[::1], float64[::1], float64)")
 def _pseudo(h: Float, u: Float, aid: float) -> None:
     for i in range(H_SIZE):
         h[i] = 0.0
     h[H_AID], h[H_T], h[H_STATUS] = aid, u[U_T], UNDECIDED
 
 
-@njit(
+@kernel(
     "int64(float64[::1], int64, float64[::1], float64[::1], int64[::1], float64[::1], float64[:, ::1],"
-    " float64[:, :, ::1], int64[::1], float64[:, ::1], float64[::1], float64[::1], float64[::1])",
-    cache=True,
-    _nrt=False,
+    " float64[:, :, ::1], int64[::1], float64[:, ::1], float64[::1], float64[::1], float64[::1])"
 )
 def pseudo_measurements(
     u: Float,

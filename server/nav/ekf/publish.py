@@ -4,8 +4,6 @@ from __future__ import annotations
 
 import math
 
-from numba import njit
-
 from server.nav.codes import DEAD_RECKONING
 from server.nav.earth import ned_from_lla
 from server.nav.ekf.layout import (
@@ -23,15 +21,12 @@ from server.nav.ekf.layout import (
 )
 from server.nav.ekf.predict import gravity_here
 from server.nav.ekf.states import ATT, POS, VEL, X_ACCEL_BIAS, X_GYRO_BIAS, X_POS, X_Q, X_VEL, packed
+from server.nav.kernel import kernel
 from server.nav.rotation import matrix_entries, quat_from_rotvec, quat_mul
 from server.nav.types import Float, Int
 
 
-@njit(
-    "void(float64[::1], float64[::1], float64[::1], float64[::1], float64[::1], int64[::1], float64[::1])",
-    cache=True,
-    _nrt=False,
-)
+@kernel("void(float64[::1], float64[::1], float64[::1], float64[::1], float64[::1], int64[::1], float64[::1])")
 def publish(x: Float, P: Float, u: Float, par: Float, aux: Float, ctl: Int, out: Float) -> None:
     """Write one row of LANE_COLUMNS: the state carried on from the IMU's own delay to the step's stamp."""
     d = par[PAR_IMU_DELAY]

@@ -5,8 +5,6 @@ from __future__ import annotations
 import math
 from typing import Final
 
-from numba import njit
-
 from server.nav.codes import ALIGNING, ATTITUDE, DEAD_RECKONING, FAILED, NAVIGATING
 from server.nav.ekf.align import align, restart
 from server.nav.ekf.events import add_event
@@ -53,6 +51,7 @@ from server.nav.ekf.pseudo import pseudo_measurements
 from server.nav.ekf.publish import publish
 from server.nav.ekf.states import ATT, POS, VEL, X_POS, X_Q, X_SIZE, X_VEL, packed
 from server.nav.ekf.update import reset_axis
+from server.nav.kernel import kernel
 from server.nav.types import Float, Int
 
 GAP_RESTART_S: Final = 1.0
@@ -61,7 +60,7 @@ OUTAGE_S: Final = 1.0
 OUTAGE_INTERVALS: Final = 2.5
 
 
-@njit("void(float64[::1], float64[::1], float64[::1], int64[::1])", cache=True, _nrt=False)
+@kernel("void(float64[::1], float64[::1], float64[::1], int64[::1])")
 def _forget(x: Float, P: Float, aux: Float, ctl: Int) -> None:
     """Start again from nothing: no number of the failed state may reach the next one."""
     x[:] = 0.0
@@ -78,7 +77,7 @@ def _forget(x: Float, P: Float, aux: Float, ctl: Int) -> None:
     restart(aux, ctl)
 
 
-@njit("void(float64[::1], float64[::1], float64, float64[:, ::1], int64[::1])", cache=True, _nrt=False)
+@kernel("void(float64[::1], float64[::1], float64, float64[:, ::1], int64[::1])")
 def _mode(par: Float, aux: Float, t: float, events: Float, ctl: Int) -> None:
     """Set the lane's status from what it has; losing GNSS is an event."""
     if not ctl[C_POSITIONED]:
@@ -91,7 +90,7 @@ def _mode(par: Float, aux: Float, t: float, events: Float, ctl: Int) -> None:
     ctl[C_MODE] = mode
 
 
-@njit("boolean(float64[::1], float64[::1])", cache=True, _nrt=False)
+@kernel("boolean(float64[::1], float64[::1])")
 def _sane(x: Float, P: Float) -> bool:
     for i in range(X_SIZE):
         if not math.isfinite(x[i]):
@@ -99,12 +98,10 @@ def _sane(x: Float, P: Float) -> bool:
     return bool(P[packed(ATT, ATT)] >= 0.0 and math.isfinite(P[packed(POS, POS)]))
 
 
-@njit(
+@kernel(
     "void(float64[:, ::1], float64[:, ::1], float64[::1], float64[::1], float64[::1], float64[::1], int64[::1],"
     " float64[::1], float64[:, ::1], float64[:, ::1], float64[:, ::1], float64[:, :, ::1], int64[::1],"
-    " float64[:, ::1], float64[:, ::1], float64[::1], float64[:, ::1], float64[::1])",
-    cache=True,
-    _nrt=False,
+    " float64[:, ::1], float64[:, ::1], float64[::1], float64[:, ::1], float64[::1])"
 )
 def run(
     steps: Float,

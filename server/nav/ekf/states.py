@@ -11,7 +11,7 @@ from __future__ import annotations
 
 from typing import Final
 
-from numba import njit
+from server.nav.kernel import kernel
 
 # Nominal state x: q_nb (4), velocity NED m/s, latitude rad, longitude rad, height m, gyro bias rad/s, accel bias m/s²,
 # Earth field NED gauss, magnetic bias in the body gauss, wind (the air's motion over ground) north, east m/s.
@@ -42,7 +42,7 @@ PACKED: Final = N * (N + 1) // 2
 """Entries of the lower triangle of P, row by row."""
 
 
-@njit("int64(int64, int64)", cache=True, _nrt=False, inline="always")
+@kernel("int64(int64, int64)", inline=True)
 def packed(i: int, j: int) -> int:
     """Return where P[i, j] = P[j, i] stands in the packed lower triangle."""
     if i < j:

@@ -4,8 +4,6 @@ from __future__ import annotations
 
 import math
 
-from numba import njit
-
 from server.nav.ekf.layout import W_DIM, W_DX, W_H, W_PH
 from server.nav.ekf.predict import move_position
 from server.nav.ekf.states import (
@@ -27,6 +25,7 @@ from server.nav.ekf.states import (
     N,
     packed,
 )
+from server.nav.kernel import kernel
 from server.nav.rotation import quat_from_rotvec, quat_mul
 from server.nav.types import Float
 
@@ -34,7 +33,7 @@ MIN_VARIANCE = 1e-18
 """Floor of a diagonal entry after an update; rounding must not take it to zero or below."""
 
 
-@njit("float64(float64[::1], float64[::1])", cache=True, _nrt=False, fastmath={"contract"})
+@kernel("float64(float64[::1], float64[::1])", contract=True)
 def project(P: Float, work: Float) -> float:
     """Set work[W_PH] = P Hᵀ for the row H in work[W_H]; return H P Hᵀ."""
     n = int(work[W_DIM])
@@ -56,7 +55,7 @@ def project(P: Float, work: Float) -> float:
     return total
 
 
-@njit("float64(float64[::1])", cache=True, _nrt=False)
+@kernel("float64(float64[::1])")
 def correction_seen(work: Float) -> float:
     """Return H δx of what was collected so far: the next scalar's innovation must not count it twice."""
     total = 0.0
@@ -65,7 +64,7 @@ def correction_seen(work: Float) -> float:
     return total
 
 
-@njit("void(float64[::1], float64[::1], float64, float64)", cache=True, _nrt=False, fastmath={"contract"})
+@kernel("void(float64[::1], float64[::1], float64, float64)", contract=True)
 def fuse(P: Float, work: Float, innovation: float, variance: float) -> None:
     """Kalman update with one scalar; `project` has been called [Solà 2017, eq. 274-276].
 
@@ -85,7 +84,7 @@ def fuse(P: Float, work: Float, innovation: float, variance: float) -> None:
         P[k - 1] = max(P[k - 1], MIN_VARIANCE)
 
 
-@njit("void(float64[::1], float64)", cache=True, _nrt=False)
+@kernel("void(float64[::1], float64)")
 def rotate_tilt(P: Float, angle_rad: float) -> None:
     """Turn the covariance of the tilt error about down, together with the nominal heading.
 
@@ -103,7 +102,7 @@ def rotate_tilt(P: Float, angle_rad: float) -> None:
     P[packed(ATT + 1, ATT + 1)] = s * s * xx + 2.0 * c * s * xy + c * c * yy
 
 
-@njit("void(float64[::1], float64[::1], float64[::1])", cache=True, _nrt=False)
+@kernel("void(float64[::1], float64[::1], float64[::1])")
 def inject(x: Float, P: Float, work: Float) -> None:
     """Move the correction collected in work[W_DX] into the nominal state and clear it [Solà 2017, eq. 283]."""
     d = work[W_DX : W_DX + N]
@@ -126,7 +125,7 @@ def inject(x: Float, P: Float, work: Float) -> None:
         d[i] = 0.0
 
 
-@njit("void(float64[::1], int64, float64)", cache=True, _nrt=False)
+@kernel("void(float64[::1], int64, float64)")
 def reset_axis(P: Float, axis: int, variance: float) -> None:
     """Forget what is known of one error state: no correlation, the given variance."""
     for j in range(N):
@@ -134,7 +133,7 @@ def reset_axis(P: Float, axis: int, variance: float) -> None:
     P[packed(axis, axis)] = variance
 
 
-@njit("void(float64[::1])", cache=True, _nrt=False)
+@kernel("void(float64[::1])")
 def clear_row(work: Float) -> None:
     """Set H = 0."""
     for j in range(N):

@@ -6,7 +6,7 @@ import math
 from typing import Final
 
 import numpy as np
-from numba import njit
+from server.nav.kernel import kernel
 
 from server.nav.codes import ATTITUDE, NAVIGATING
 from server.nav.earth import ned_from_lla
@@ -16,7 +16,7 @@ SOURCE: Final = {"onboard": Kind.ONBOARD, "reference": Kind.REFERENCE}
 """Lane name → kind of sample it repeats."""
 
 
-@njit("void(float64[:, ::1], float64[::1], float64[:, ::1])", cache=True)
+@kernel("void(float64[:, ::1], float64[::1], float64[:, ::1])")
 def repeat_rows(source: Float, origin: Float, out: Float) -> None:
     """Write LANE_COLUMNS from sample rows; unknown stays NaN.
 

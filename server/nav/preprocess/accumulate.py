@@ -11,8 +11,6 @@ from __future__ import annotations
 import math
 from typing import Final
 
-from numba import njit
-
 from server.nav.codes import (
     AIRSPEED,
     BARO,
@@ -44,6 +42,7 @@ from server.nav.ekf.layout import (
     U_TEMPERATURE,
     U_VIBRATION,
 )
+from server.nav.kernel import kernel
 from server.nav.preprocess.check import check_baro, check_gnss, check_imu, check_mag
 from server.nav.preprocess.memory import (
     N_GAPS,
@@ -80,7 +79,7 @@ BRIDGE_S: Final = 0.1
 VIBRATION_CUTOFF_RAD_S: Final = 2.0 * math.pi * 5.0  # autopilots high-pass the vibration measure at 5 Hz
 
 
-@njit("void(float64[::1], float64, float64[::1])", cache=True, _nrt=False)
+@kernel("void(float64[::1], float64, float64[::1])")
 def _integrate(row: Float, dt: float, s: Float) -> None:
     """Add one sample interval of dt seconds to the open step."""
     gx, gy, gz = 0.5 * (s[S_GYRO] + row[0]), 0.5 * (s[S_GYRO + 1] + row[1]), 0.5 * (s[S_GYRO + 2] + row[2])
@@ -103,7 +102,7 @@ def _integrate(row: Float, dt: float, s: Float) -> None:
     s[S_VIBRATION2] += min(1.0, dt) * (high2 - s[S_VIBRATION2])  # mean over about a second
 
 
-@njit("void(float64, float64[::1], float64[::1])", cache=True, _nrt=False)
+@kernel("void(float64, float64[::1], float64[::1])")
 def _close_step(t: float, s: Float, out: Float) -> None:
     """Write the open step as one row and open the next one at t."""
     dt = (t - s[S_T_START]) * 1e-9
@@ -124,7 +123,7 @@ def _close_step(t: float, s: Float, out: Float) -> None:
     s[S_T_START] = t
 
 
-@njit("boolean(float64[::1], float64, float64, float64[::1], int64[:, ::1], float64[::1])", cache=True, _nrt=False)
+@kernel("boolean(float64[::1], float64, float64, float64[::1], int64[:, ::1], float64[::1])")
 def _take_imu(row: Float, t: float, rate_hz: float, s: Float, n: Int, out: Float) -> bool:
     """Add an IMU sample; return True when it closed a step into `out`."""
     if not check_imu(row, t, s, n):
@@ -156,7 +155,7 @@ def _take_imu(row: Float, t: float, rate_hz: float, s: Float, n: Int, out: Float
     return True
 
 
-@njit("void(int64, float64, float64[::1], int64[:, ::1], float64[::1])", cache=True, _nrt=False)
+@kernel("void(int64, float64, float64[::1], int64[:, ::1], float64[::1])")
 def _take_aid(kind: int, t: float, s: Float, n: Int, out: Float) -> None:
     """Check one measurement whose row is already copied into out[M_DATA:]."""
     row = out[M_DATA:]
@@ -184,11 +183,9 @@ def _take_aid(kind: int, t: float, s: Float, n: Int, out: Float) -> None:
     out[M_KIND], out[M_T], out[M_STATUS] = kind, t, status
 
 
-@njit(
+@kernel(
     "UniTuple(int64, 2)(uint8[::1], int64[::1], float64[:, ::1], int64, float64, float64[::1], int64[:, ::1],"
-    " float64[:, ::1], float64[:, ::1])",
-    cache=True,
-    _nrt=False,
+    " float64[:, ::1], float64[:, ::1])"
 )
 def accumulate(
     kind: Byte, t_ns: Int, data: Float, t0_ns: int, rate_hz: float, s: Float, n: Int, steps: Float, meas: Float

@@ -5,8 +5,6 @@ from __future__ import annotations
 import math
 from typing import Final
 
-from numba import njit
-
 from server.nav.codes import (
     FUSED,
     IMU,
@@ -21,6 +19,7 @@ from server.nav.constants import (
     ISA_HEIGHT_M,
     ISA_PRESSURE_PA,
 )
+from server.nav.kernel import kernel
 from server.nav.preprocess.memory import (
     N_FIELD,
     N_NO_FIX,
@@ -44,13 +43,13 @@ ACCEL_LIMIT_M_S2: Final = 640.0  # 65 g: past every MEMS accelerometer's full sc
 STUCK_S: Final = 0.5
 
 
-@njit("float64(float64)", cache=True, _nrt=False)
+@kernel("float64(float64)")
 def height_from_pressure(pressure_pa: float) -> float:
     """Return the height in m of a pressure in the standard atmosphere [S0 eq. 3.27]."""
     return float(ISA_HEIGHT_M * (1.0 - (pressure_pa / ISA_PRESSURE_PA) ** ISA_EXPONENT))
 
 
-@njit("float64(float64)", cache=True, _nrt=False)
+@kernel("float64(float64)")
 def decade_scale(norm: float) -> float:
     """Return the power of ten that brings a field's norm into [0.15, 1.5) gauss; 0 for a norm of 0.
 
@@ -62,7 +61,7 @@ def decade_scale(norm: float) -> float:
     return float(10.0 ** -math.floor(math.log10(norm / 0.15)))
 
 
-@njit("boolean(float64[::1], int64)", cache=True, _nrt=False)
+@kernel("boolean(float64[::1], int64)")
 def _finite(row: Float, n: int) -> bool:
     for i in range(n):
         if not math.isfinite(row[i]):
@@ -70,7 +69,7 @@ def _finite(row: Float, n: int) -> bool:
     return True
 
 
-@njit("int64(float64[::1], float64, float64[::1], int64[:, ::1])", cache=True, _nrt=False)
+@kernel("int64(float64[::1], float64, float64[::1], int64[:, ::1])")
 def check_imu(row: Float, t: float, s: Float, n: Int) -> int:
     """Return 1 when the sample may be used; count why not otherwise."""
     counters = n[IMU]
@@ -95,7 +94,7 @@ def check_imu(row: Float, t: float, s: Float, n: Int) -> int:
     return 1
 
 
-@njit("int64(float64[::1], float64[::1], int64[::1])", cache=True, _nrt=False)
+@kernel("int64(float64[::1], float64[::1], int64[::1])")
 def check_mag(row: Float, s: Float, counters: Int) -> int:
     """Scale the field to gauss in place; return its AidStatus."""
     if not _finite(row, 3):
@@ -114,7 +113,7 @@ def check_mag(row: Float, s: Float, counters: Int) -> int:
     return REFUSED_DISTURBED
 
 
-@njit("int64(float64[::1], int64[::1])", cache=True, _nrt=False)
+@kernel("int64(float64[::1], int64[::1])")
 def check_gnss(row: Float, counters: Int) -> int:
     """Return the AidStatus of a GNSS row; an unknown fix type counts as three-dimensional."""
     if row[9] < 3.0 or ((math.isnan(row[0]) or math.isnan(row[1])) and (math.isnan(row[3]) or math.isnan(row[4]))):
@@ -129,7 +128,7 @@ def check_gnss(row: Float, counters: Int) -> int:
     return FUSED
 
 
-@njit("int64(float64[::1], int64[::1])", cache=True, _nrt=False)
+@kernel("int64(float64[::1], int64[::1])")
 def check_baro(row: Float, counters: Int) -> int:
     """Make column 1 the height in m; return the AidStatus."""
     if not math.isfinite(row[1]) and 1e3 < row[0] < 1.2e5:

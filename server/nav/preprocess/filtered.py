@@ -4,8 +4,6 @@ from __future__ import annotations
 
 import math
 
-from numba import njit
-
 from server.nav.codes import AIRSPEED, BARO, FUSED, MAG
 from server.nav.ekf.layout import (
     M_DATA,
@@ -18,10 +16,11 @@ from server.nav.ekf.layout import (
     U_TEMPERATURE,
     U_VIBRATION,
 )
+from server.nav.kernel import kernel
 from server.nav.types import Float
 
 
-@njit("void(float64[:, ::1], float64[:, ::1], float64[::1], float64[:, ::1])", cache=True, _nrt=False)
+@kernel("void(float64[:, ::1], float64[:, ::1], float64[::1], float64[:, ::1])")
 def filtered_rows(steps: Float, meas: Float, held: Float, out: Float) -> None:
     """Write STEP_COLUMNS for each step; slower sensors hold their newest value.
 

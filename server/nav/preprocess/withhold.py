@@ -4,10 +4,9 @@ from __future__ import annotations
 
 from typing import Final
 
-from numba import njit
-
 from server.nav.codes import AIRSPEED, BARO, FUSED, GNSS, MAG, REFUSED_DISABLED, REFUSED_WITHHELD
 from server.nav.ekf.layout import M_KIND, M_STATUS, M_T
+from server.nav.kernel import kernel
 from server.nav.types import Float
 
 USE_GNSS: Final = 1
@@ -16,7 +15,7 @@ USE_MAG: Final = 4
 USE_AIRSPEED: Final = 8
 
 
-@njit("void(float64[:, ::1], float64[:, ::1], float64, int64)", cache=True, _nrt=False)
+@kernel("void(float64[:, ::1], float64[:, ::1], float64, int64)")
 def withhold(meas: Float, withheld: Float, gnss_delay_s: float, use: int) -> None:
     """Set the status of measurements that are switched off, or of GNSS valid inside a withheld interval.
 

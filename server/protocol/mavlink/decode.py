@@ -10,7 +10,7 @@ from typing import Final
 import numpy as np
 from numpy.typing import NDArray
 
-from server.protocol.mavlink.compiled import kernel
+from server.nav.kernel import kernel
 from server.protocol.mavlink.inertial import highres_imu, integer_imu, raw_imu_has_units, scaled_pressure
 from server.protocol.mavlink.layout import (
     ATTITUDE,

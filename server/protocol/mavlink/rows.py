@@ -7,8 +7,8 @@ from typing import Final
 import numpy as np
 from numpy.typing import NDArray
 
+from server.nav.kernel import kernel
 from server.nav.types import Kind
-from server.protocol.mavlink.compiled import kernel
 from server.protocol.mavlink.layout import (
     AUTOPILOT_ARDUPILOT,
     NONE,

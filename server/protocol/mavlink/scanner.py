@@ -20,7 +20,7 @@ from typing import Final
 import numpy as np
 from numpy.typing import NDArray
 
-from server.protocol.mavlink.compiled import kernel
+from server.nav.kernel import kernel
 from server.protocol.mavlink.table import ID_SPACE, MessageTable, message_table
 
 MAGIC_V1: Final = 0xFE

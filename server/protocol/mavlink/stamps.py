@@ -7,7 +7,7 @@ from typing import Final
 import numpy as np
 from numpy.typing import NDArray
 
-from server.protocol.mavlink.compiled import kernel
+from server.nav.kernel import kernel
 from server.protocol.mavlink.layout import (
     EPOCH_USEC,
     HIGHRES_IMU,

@@ -4,8 +4,6 @@ from __future__ import annotations
 
 from typing import Final
 
-from numba import njit
-
 from server.nav.codes import FUSED, REFUSED_GATE, REFUSED_STALE
 from server.nav.ekf.aiding.gnss import tracked_ratio
 from server.nav.ekf.layout import (
@@ -34,6 +32,7 @@ from server.nav.ekf.layout import (
 )
 from server.nav.ekf.states import POS, X_POS, X_VEL, packed
 from server.nav.ekf.update import clear_row, correction_seen, fuse, project, reset_axis
+from server.nav.kernel import kernel
 from server.nav.types import Float, Int
 
 FLOOR_M: Final = 0.05
@@ -41,7 +40,7 @@ LEARN: Final = 0.02
 DATUM_LOST_NS: Final = 10e9
 
 
-@njit(HANDLER, cache=True, _nrt=False)
+@kernel(HANDLER)
 def height(h: Float, x: Float, P: Float, u: Float, par: Float, aux: Float, ctl: Int, work: Float) -> None:
     """Handle a baro height: data = height m in the baro's own datum; decide at first use, then correct."""
     if h[H_T] < aux[A_T_RESET]:  # its datum belongs to the height that GNSS has put aside

@@ -5,8 +5,6 @@ from __future__ import annotations
 import math
 from typing import Final
 
-from numba import njit
-
 from server.nav.codes import (
     MULTIROTOR,
     REFUSED_DISTURBED,
@@ -34,17 +32,16 @@ from server.nav.ekf.layout import (
     W_OBS,
 )
 from server.nav.ekf.states import X_Q
+from server.nav.kernel import kernel
 from server.nav.rotation import matrix_entries
 from server.nav.types import Float, Int
 
 COURSE_SPEED_M_S: Final = 3.0  # below it the course of a receiver is noise
 
 
-@njit(
+@kernel(
     "void(float64[::1], float64[::1], float64[::1], float64[::1], float64[::1], float64[::1], int64[::1],"
-    " float64[::1], float64[:, ::1])",
-    cache=True,
-    _nrt=False,
+    " float64[::1], float64[:, ::1])"
 )
 def late_heading(
     h: Float, x: Float, P: Float, u: Float, par: Float, aux: Float, ctl: Int, work: Float, events: Float
@@ -67,7 +64,7 @@ def late_heading(
     ctl[C_HAS_HEADING] = 1
 
 
-@njit("boolean(float64[::1], float64[::1], int64[::1])", cache=True, _nrt=False)
+@kernel("boolean(float64[::1], float64[::1], int64[::1])")
 def tells_heading(h: Float, par: Float, ctl: Int) -> bool:
     """Without a magnetometer, a vehicle that can only move forward shows its heading by its course."""
     if ctl[C_HAS_HEADING] or ctl[C_MAG_SEEN] or par[PAR_VEHICLE] == MULTIROTOR or h[H_STATUS] != UNDECIDED:
@@ -75,7 +72,7 @@ def tells_heading(h: Float, par: Float, ctl: Int) -> bool:
     return bool(math.hypot(h[H_DATA], h[H_DATA + 1]) > max(COURSE_SPEED_M_S, 10.0 * h[H_ACC]))
 
 
-@njit("void(float64[::1], float64[::1], float64[::1], int64[::1], float64[:, ::1])", cache=True, _nrt=False)
+@kernel("void(float64[::1], float64[::1], float64[::1], int64[::1], float64[:, ::1])")
 def course_heading(h: Float, x: Float, P: Float, ctl: Int, events: Float) -> None:
     """Turn the forward axis to the receiver's course."""
     R = matrix_entries(x[X_Q], x[X_Q + 1], x[X_Q + 2], x[X_Q + 3])

@@ -9,8 +9,6 @@ from __future__ import annotations
 import math
 from typing import Final
 
-from numba import njit
-
 from server.nav.codes import FUSED, REFUSED_GATE
 from server.nav.earth import curvature_radii, ned_from_lla
 from server.nav.ekf.layout import (
@@ -48,6 +46,7 @@ from server.nav.ekf.layout import (
 from server.nav.ekf.predict import gravity_here, move_position
 from server.nav.ekf.states import POS, VEL, X_ACCEL_BIAS, X_GYRO_BIAS, X_POS, X_Q, X_VEL, packed
 from server.nav.ekf.update import clear_row, correction_seen, fuse, project, reset_axis
+from server.nav.kernel import kernel
 from server.nav.rotation import matrix_entries
 from server.nav.types import Float, Int
 
@@ -65,11 +64,7 @@ published on top (`intake.WANDER_SHARE`)."""
 ALTITUDE_CORRELATION_S: Final = 10.0  # GNSS height errors stay the same over about this long (data INDEX)
 
 
-@njit(
-    "UniTuple(float64, 9)(float64[::1], float64[::1], float64[::1], float64[::1], int64[::1], float64)",
-    cache=True,
-    _nrt=False,
-)
+@kernel("UniTuple(float64, 9)(float64[::1], float64[::1], float64[::1], float64[::1], int64[::1], float64)")
 def antenna(
     x: Float, u: Float, par: Float, aux: Float, ctl: Int, t_ns: float
 ) -> tuple[float, float, float, float, float, float, float, float, float]:
@@ -99,20 +94,20 @@ def antenna(
     )
 
 
-@njit("float64(float64, float64, float64)", cache=True, _nrt=False)
+@kernel("float64(float64, float64, float64)")
 def tracked_ratio(k: float, excess: float, learn: float) -> float:
     """Return the new ratio of observed to reported variance after one observation of it."""
     return min(K_MAX, max(K_MIN, k + learn * (min(excess, 10.0 * k + 1.0) - k)))
 
 
-@njit("void(float64[::1], float64[::1], int64, int64, float64, int64)", cache=True, _nrt=False)
+@kernel("void(float64[::1], float64[::1], int64, int64, float64, int64)")
 def _scale(h: Float, aux: Float, axes: int, k_index: int, floor: float, first: int) -> None:
     """Set the variances of `axes` components from the reported accuracies and the tracked ratio."""
     for i in range(first, first + axes):
         h[H_VAR + i] = max(floor * floor, aux[k_index] * h[H_ACC + i] ** 2)
 
 
-@njit("void(float64[::1], float64[::1], float64[::1], float64[::1], int64, int64, int64)", cache=True, _nrt=False)
+@kernel("void(float64[::1], float64[::1], float64[::1], float64[::1], int64, int64, int64)")
 def _learn(h: Float, P: Float, aux: Float, work: Float, state: int, n: int, k_index: int) -> None:
     """Track the ratio of the innovations' variance, less the filter's own share, to the reported variance."""
     excess = 0.0
@@ -121,7 +116,7 @@ def _learn(h: Float, P: Float, aux: Float, work: Float, state: int, n: int, k_in
     aux[k_index] = tracked_ratio(aux[k_index], excess, LEARN)
 
 
-@njit("void(float64[::1], float64[::1], float64[::1], float64[::1], int64, int64)", cache=True, _nrt=False)
+@kernel("void(float64[::1], float64[::1], float64[::1], float64[::1], int64, int64)")
 def _judge(h: Float, P: Float, par: Float, work: Float, state: int, n: int) -> None:
     """Decide once whether a measurement is believed: worst component against its gate."""
     worst = 0.0
@@ -134,7 +129,7 @@ def _judge(h: Float, P: Float, par: Float, work: Float, state: int, n: int) -> N
     h[H_STATUS] = FUSED if worst <= 1.0 else REFUSED_GATE
 
 
-@njit("void(float64[::1], float64[::1], int64, float64, float64)", cache=True, _nrt=False)
+@kernel("void(float64[::1], float64[::1], int64, float64, float64)")
 def _fuse_axis(P: Float, work: Float, state: int, innovation: float, variance: float) -> None:
     """Fuse one directly observed state."""
     clear_row(work)
@@ -143,7 +138,7 @@ def _fuse_axis(P: Float, work: Float, state: int, innovation: float, variance: f
     fuse(P, work, innovation - correction_seen(work), total)
 
 
-@njit("void(float64[::1], float64[::1], float64[::1], float64[::1], int64[::1], float64[::1])", cache=True, _nrt=False)
+@kernel("void(float64[::1], float64[::1], float64[::1], float64[::1], int64[::1], float64[::1])")
 def _decide_position(h: Float, P: Float, par: Float, aux: Float, ctl: Int, work: Float) -> None:
     """Set status, variances and, while the baro carries the height, how far its datum moves."""
     _learn(h, P, aux, work, POS, 2, A_K_POS)
@@ -168,7 +163,7 @@ def _decide_position(h: Float, P: Float, par: Float, aux: Float, ctl: Int, work:
         work[W_VAR + 2] = P[packed(POS + 2, POS + 2)] + h[H_VAR + 2]
 
 
-@njit(HANDLER, cache=True, _nrt=False)
+@kernel(HANDLER)
 def position(h: Float, x: Float, P: Float, u: Float, par: Float, aux: Float, ctl: Int, work: Float) -> None:
     """Handle a GNSS position: data = latitude rad, longitude rad, height m; decide at first use, then correct."""
     ant = antenna(x, u, par, aux, ctl, h[H_T])
@@ -192,7 +187,7 @@ def position(h: Float, x: Float, P: Float, u: Float, par: Float, aux: Float, ctl
     x[X_POS + 2] += h[H_SHIFT]
 
 
-@njit(HANDLER, cache=True, _nrt=False)
+@kernel(HANDLER)
 def reset_position(h: Float, x: Float, P: Float, u: Float, par: Float, aux: Float, ctl: Int, work: Float) -> None:
     """Put the state at the receiver's position, with its accuracy and an unknown velocity; the size stays in work."""
     for i in range(3):
@@ -215,7 +210,7 @@ def reset_position(h: Float, x: Float, P: Float, u: Float, par: Float, aux: Floa
         aux[A_T_RESET] = h[H_T]
 
 
-@njit(HANDLER, cache=True, _nrt=False)
+@kernel(HANDLER)
 def velocity(h: Float, x: Float, P: Float, u: Float, par: Float, aux: Float, ctl: Int, work: Float) -> None:
     """Handle a GNSS velocity: data = NED m/s, down may be NaN; decide at first use, then correct."""
     ant = antenna(x, u, par, aux, ctl, h[H_T])

@@ -10,8 +10,6 @@ from __future__ import annotations
 import math
 from typing import Final
 
-from numba import njit
-
 from server.nav.codes import FUSED, REFUSED_DISTURBED, REFUSED_GATE
 from server.nav.ekf.aiding.gnss import tracked_ratio
 from server.nav.ekf.layout import (
@@ -38,6 +36,7 @@ from server.nav.ekf.layout import (
 )
 from server.nav.ekf.states import ATT, FIELD, MAG_BIAS, X_FIELD, X_GYRO_BIAS, X_MAG_BIAS, X_Q
 from server.nav.ekf.update import clear_row, correction_seen, fuse, project
+from server.nav.kernel import kernel
 from server.nav.rotation import matrix_entries
 from server.nav.types import Float, Int
 
@@ -48,7 +47,7 @@ STRENGTH_TOLERANCE: Final = 0.25
 """Share of the model's strength; crustal anomalies stay under 10 %, uncalibrated soft iron under 20 %."""
 
 
-@njit("UniTuple(float64, 3)(float64[::1], float64[::1], float64[::1])", cache=True, _nrt=False)
+@kernel("UniTuple(float64, 3)(float64[::1], float64[::1], float64[::1])")
 def field_in_ned(h: Float, x: Float, u: Float) -> tuple[float, float, float]:
     """Return the measured field less the body's bias in NED, gauss, turned with the attitude at its own time."""
     R = matrix_entries(x[X_Q], x[X_Q + 1], x[X_Q + 2], x[X_Q + 3])
@@ -65,7 +64,7 @@ def field_in_ned(h: Float, x: Float, u: Float) -> tuple[float, float, float]:
     )
 
 
-@njit("void(float64[::1], float64[::1], int64)", cache=True, _nrt=False)
+@kernel("void(float64[::1], float64[::1], int64)")
 def observe(x: Float, work: Float, i: int) -> None:
     """Set the row of H of the NED component i: [E]× δθ + δE + R_nb δb."""
     R = matrix_entries(x[X_Q], x[X_Q + 1], x[X_Q + 2], x[X_Q + 3])
@@ -77,7 +76,7 @@ def observe(x: Float, work: Float, i: int) -> None:
         work[W_H + MAG_BIAS + c] = R[3 * i + c]
 
 
-@njit(HANDLER, cache=True, _nrt=False)
+@kernel(HANDLER)
 def field(h: Float, x: Float, P: Float, u: Float, par: Float, aux: Float, ctl: Int, work: Float) -> None:
     """Handle a magnetic field in the body, gauss; decide at first use, then correct."""
     z = field_in_ned(h, x, u)

@@ -5,8 +5,6 @@ from __future__ import annotations
 import math
 from typing import Final
 
-from numba import njit
-
 from server.nav.codes import FUSED
 from server.nav.ekf.layout import (
     H_ACC,
@@ -27,13 +25,14 @@ from server.nav.ekf.layout import (
 from server.nav.ekf.predict import frame_rate, gravity_here
 from server.nav.ekf.states import ACCEL_BIAS, ATT, GYRO_BIAS, VEL, X_ACCEL_BIAS, X_GYRO_BIAS, X_Q, X_VEL
 from server.nav.ekf.update import clear_row, correction_seen, fuse, project
+from server.nav.kernel import kernel
 from server.nav.rotation import matrix_entries
 from server.nav.types import Float, Int
 
 ZERO_RATE_RAD_S: Final = 0.004  # mean over one step of a board at rest: noise and sway
 
 
-@njit("void(float64[::1], float64[::1], float64[::1], int64, float64, float64)", cache=True, _nrt=False)
+@kernel("void(float64[::1], float64[::1], float64[::1], int64, float64, float64)")
 def _record(h: Float, P: Float, work: Float, axis: int, observed: float, predicted: float) -> None:
     """Fill the record of one axis; H is in work; a pseudo-measurement is not gated, its detector is."""
     work[W_OBS + axis], work[W_PRED + axis] = observed, predicted
@@ -43,7 +42,7 @@ def _record(h: Float, P: Float, work: Float, axis: int, observed: float, predict
     fuse(P, work, work[W_INNOV + axis] - correction_seen(work), work[W_VAR + axis])
 
 
-@njit(HANDLER, cache=True, _nrt=False)
+@kernel(HANDLER)
 def zero_velocity(h: Float, x: Float, P: Float, u: Float, par: Float, aux: Float, ctl: Int, work: Float) -> None:
     """Correct velocity, NED, towards zero; the caller has found the board at rest."""
     if h[H_STATUS] == UNDECIDED:
@@ -54,7 +53,7 @@ def zero_velocity(h: Float, x: Float, P: Float, u: Float, par: Float, aux: Float
         _record(h, P, work, i, 0.0, x[X_VEL + i])
 
 
-@njit(HANDLER, cache=True, _nrt=False)
+@kernel(HANDLER)
 def zero_rate(h: Float, x: Float, P: Float, u: Float, par: Float, aux: Float, ctl: Int, work: Float) -> None:
     """Correct the gyro bias towards the mean rate less the Earth's; the caller has found the board at rest."""
     R = matrix_entries(x[X_Q], x[X_Q + 1], x[X_Q + 2], x[X_Q + 3])
@@ -68,7 +67,7 @@ def zero_rate(h: Float, x: Float, P: Float, u: Float, par: Float, aux: Float, ct
         _record(h, P, work, i, u[U_GYRO_MEAN + i] - earth, x[X_GYRO_BIAS + i])
 
 
-@njit(HANDLER, cache=True, _nrt=False)
+@kernel(HANDLER)
 def gravity(h: Float, x: Float, P: Float, u: Float, par: Float, aux: Float, ctl: Int, work: Float) -> None:
     """Correct tilt (and accelerometer bias) so that the mean specific force points up.
 
