@@ -1,4 +1,4 @@
-"""One flight board: link → protocol → engine → hub. Its task is the only one that touches its engine."""
+"""One flight board: link → protocol → engine → hub. Whatever touches its engine runs in the one event loop."""
 
 from __future__ import annotations
 
@@ -6,19 +6,22 @@ import asyncio
 import logging
 import time
 from collections import deque
-from collections.abc import Callable
-from dataclasses import dataclass
-from typing import Final, Literal, Protocol
+from collections.abc import Mapping
+from typing import TYPE_CHECKING, Final, Literal
 
+from server.board_parts import BoardParts, Engine
 from server.board_view import BoardStateName, BoardView
 from server.history import History
 from server.hub import EventRecord, Hub
-from server.link.base import Chunk, Link, LinkState
-from server.nav.types import Event, SampleBlock, Snapshot, StepResult
-from server.protocol.base import BoardProtocol
-from server.rows import row_topics
-from server.traffic import Detect, Traffic
+from server.link.base import Chunk, LinkState
+from server.nav.types import Event, SampleBlock, Snapshot
+from server.rows import lane_of, row_topics
+from server.traffic import Traffic
 
+if TYPE_CHECKING:
+    from server.nav.lanes.registry import LaneInfo  # importing it loads every kernel
+
+__all__ = ["Board", "BoardParts", "Engine"]
 log = logging.getLogger("navdeck.board")
 TICK_S: Final = 0.1
 TICKS_PER_READING: Final = 10
@@ -30,31 +33,11 @@ TEXT_SEVERITY: Final = ("warning", "warning", "warning", "warning", "caution", "
 LINK_SEVERITY: Final = {LinkState.OPENING: "info", LinkState.OPEN: "info", LinkState.ENDED: "info"}
 
 
-class Engine(Protocol):
-    """What a board needs of `server.nav.engine.NavEngine`."""
-
-    def step(self, block: SampleBlock) -> StepResult:
-        """Take samples; return everything they produced."""
-        ...
-
-    def snapshot(self) -> Snapshot:
-        """Return the newest state of everything."""
-        ...
-
-
-@dataclass(frozen=True, slots=True, kw_only=True)
-class BoardParts:
-    """How to make the parts of a board: a link for every connection, protocol and engine when it starts afresh."""
-
-    link: Callable[[], Link]
-    protocol: Callable[[], BoardProtocol]
-    engine: Callable[[], Engine]
-    detect: Detect = lambda _data, _url: None
-    observe_latency: Callable[[float], None] = lambda _latency_s: None
-
-
 class Board:
-    """Owns one link, protocol and engine, and drives them until it is cancelled."""
+    """Owns one link, protocol and engine, and drives them until it is cancelled.
+
+    What a person chose and set of the lanes is kept here too, for the engine that follows one that failed.
+    """
 
     def __init__(
         self, board_id: str, url: str, lanes: tuple[str, ...], parts: BoardParts, history_s: float = 600.0
@@ -62,13 +45,14 @@ class Board:
         self.id = board_id
         self.url = url
         self.hub = Hub()
-        self.topics = row_topics(lanes)
-        self.history = History(self.topics, history_s)
         self._lanes = lanes
+        self._lane_values: dict[str, dict[str, float]] = {}
         self._parts = parts
         self._link = parts.link()
         self._protocol = parts.protocol()
-        self._engine: Engine | None = None
+        self._engine = self._new_engine()
+        self.topics = row_topics([info.name for info in self._engine.lanes()])
+        self.history = History(self.topics, history_s)
         self._traffic = Traffic(url, parts.detect)
         self._state: BoardStateName = "running"
         self._cause = self._remedy = ""
@@ -95,9 +79,39 @@ class Board:
         self._again.set()
         await self._link.close()
 
-    def snapshot(self) -> Snapshot | None:
-        """Return the newest state of everything; None before the engine exists."""
-        return None if self._engine is None else self._engine.snapshot()
+    @property
+    def state(self) -> BoardStateName:
+        """Whether its task drives it."""
+        return self._state
+
+    def snapshot(self) -> Snapshot:
+        """Return the newest state of everything."""
+        return self._engine.snapshot()
+
+    def lanes(self) -> tuple[LaneInfo, ...]:
+        """Return every lane there is, with its parameters as they are set."""
+        return self._engine.lanes()
+
+    def choose_lanes(self, names: tuple[str, ...]) -> None:
+        """Run these lanes from the next step on, through reconnection, reboot and failure; the first is the main one.
+
+        Raises:
+            ValueError: a lane that does not exist, one named twice, or none; nothing is changed then.
+        """
+        self._engine.choose_lanes(names)
+        self._lanes = names
+        self._tell("server", "lanes-chosen", "info", f"Estimators chosen: {', '.join(names)}.")
+
+    def set_lane_parameters(self, lane: str, values: Mapping[str, float]) -> None:
+        """Change parameters of one lane from the next step on, through reconnection, reboot and failure.
+
+        Raises:
+            ValueError: unknown lane or parameter, or a value outside its limits; nothing is changed then.
+        """
+        self._engine.set_lane_parameters(lane, values)
+        self._lane_values.setdefault(lane, {}).update(values)
+        told = ", ".join(f"{name} = {value:g}" for name, value in values.items())
+        self._tell("server", "lane-parameters-set", "info", f"Estimator {lane}: {told}.")
 
     def view(self) -> BoardView:
         """Return the board as it is now."""
@@ -105,7 +119,8 @@ class Board:
             id=self.id,
             url=self.url,
             lanes=self._lanes,
-            topics=tuple((name, topic.columns) for name, topic in self.topics.items()),
+            lane_infos=self._engine.lanes(),
+            topics=tuple((name, topic.columns) for name, topic in self.topics.items() if self.is_fed(name)),
             state=self._state,
             cause=self._cause,
             remedy=self._remedy,
@@ -120,9 +135,24 @@ class Board:
             latencies_s=tuple(self._latencies_s),
         )
 
+    def is_fed(self, topic: str) -> bool:
+        """False for the topic of a lane that was not chosen."""
+        return lane_of(topic) is None or lane_of(topic) in self._lanes
+
+    def _new_engine(self) -> Engine:
+        """Return an engine that was told what a person chose and set so far."""
+        engine = self._parts.engine()
+        engine.choose_lanes(self._lanes)
+        for lane, values in self._lane_values.items():
+            engine.set_lane_parameters(lane, values)
+        return engine
+
     async def _run_once(self) -> None:
+        failed = self._state == "failed"
         self._state, self._cause, self._remedy = "running", "", ""
         try:
+            if failed:
+                self._protocol, self._engine = self._parts.protocol(), self._new_engine()
             async with asyncio.TaskGroup() as tasks:
                 ticking = tasks.create_task(self._tick_forever())
                 await self._read()
@@ -144,14 +174,9 @@ class Board:
     def _renew(self) -> None:
         self._again.clear()
         self._link = self._parts.link()
-        if self._state == "failed":
-            self._protocol = self._parts.protocol()
-            self._engine = None
         self._traffic = Traffic(self.url, self._parts.detect)
 
     async def _read(self) -> None:
-        if self._engine is None:
-            self._engine = self._parts.engine()
         async for chunk in self._link.chunks():
             now_ns = time.monotonic_ns()
             if now_ns - self._busy_ns > WAITED_NS:
@@ -159,7 +184,7 @@ class Board:
             self.hub.chunks.publish(chunk)  # before decoding, so that a recording holds the damage too
             if chunk.new_session:
                 self._protocol.connected(chunk.t_rx_ns)
-            self._feed(chunk, self._engine)
+            self._feed(chunk)
             await self._breathe()
         self._look(time.monotonic_ns())
 
@@ -170,11 +195,11 @@ class Board:
             await asyncio.sleep(0)
             self._breathed_ns = self._busy_ns = time.monotonic_ns()
 
-    def _feed(self, chunk: Chunk, engine: Engine) -> None:
+    def _feed(self, chunk: Chunk) -> None:
         self._traffic.keep(chunk.data)
         decoded = self._protocol.feed(chunk.data, chunk.t_rx_ns)
         for block in decoded.blocks:
-            self._step(engine, block)
+            self._step(block)
         for severity, text in decoded.texts:
             self._tell("board", "board-text", TEXT_SEVERITY[min(severity, 7)], text)
         if decoded.blocks:
@@ -182,8 +207,8 @@ class Board:
             self._latencies_s.append(latency_s)
             self._parts.observe_latency(latency_s)
 
-    def _step(self, engine: Engine, block: SampleBlock) -> None:
-        result = engine.step(block)
+    def _step(self, block: SampleBlock) -> None:
+        result = self._engine.step(block)
         if block.t_ns.size:
             self._t_ns = int(block.t_ns.max())
             self._t_rx_ns = int(block.t_rx_ns[-1])

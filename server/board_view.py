@@ -3,13 +3,16 @@
 from __future__ import annotations
 
 from dataclasses import dataclass
-from typing import Literal
+from typing import TYPE_CHECKING, Literal
 
 from server.hub import EventRecord
 from server.link.base import LinkStatus
 from server.nav.types import Snapshot
 from server.protocol.base import ProtocolStats
 from server.traffic import Recent
+
+if TYPE_CHECKING:
+    from server.nav.lanes.registry import LaneInfo  # importing it loads every kernel
 
 BoardStateName = Literal["running", "ended", "failed"]
 
@@ -19,8 +22,9 @@ class BoardView:
     """A board as it was at `now_ns`; nothing in it changes afterwards.
 
     Attributes:
-        lanes: names of its estimators; the first is the main one.
-        topics: names of its binary topics with their columns, below `boards/{id}/`.
+        lanes: names of the estimators that were chosen; the first is the main one.
+        lane_infos: every estimator there is, chosen or not.
+        topics: names of the binary topics that are fed, with their columns, below `boards/{id}/`.
         now_ns: host monotonic time of this view.
         t_ns: board time of the newest sample, -1 before the first; `t_rx_ns` is when it arrived.
         recent: what arrived within the last seconds.
@@ -44,6 +48,7 @@ class BoardView:
     snapshot: Snapshot | None
     events: tuple[EventRecord, ...]
     latencies_s: tuple[float, ...]
+    lane_infos: tuple[LaneInfo, ...] = ()
 
     @property
     def age_s(self) -> float | None:

@@ -6,15 +6,26 @@ import asyncio
 import re
 from collections.abc import Callable, Iterator
 from pathlib import Path
-from typing import Final
+from typing import Final, TypeVar
 from urllib.parse import unquote
 
 from server.board import Board, BoardParts
-from server.commands import AddBoard, Done, ReconnectBoard, Refusal, RefusalKind, RemoveBoard
+from server.commands import (
+    AddBoard,
+    ChooseLanes,
+    Done,
+    ReconnectBoard,
+    Refusal,
+    RefusalKind,
+    RemoveBoard,
+    SetLaneParameters,
+)
+from server.lane_commands import choose_lanes, set_lane_parameters
 
 MAX_BOARDS: Final = 16
 SCHEMES: Final = ("serial", "tcp", "tcp-listen", "udp", "file", "sim", "auto")
 MakeParts = Callable[[AddBoard, str], BoardParts]
+_LaneCommand = TypeVar("_LaneCommand", ChooseLanes, SetLaneParameters)
 
 
 class Boards:
@@ -30,6 +41,7 @@ class Boards:
         self._keys: dict[str, str] = {}
         self._group: asyncio.TaskGroup | None = None
         self.on_removed: list[Callable[[str], None]] = []
+        self.on_lanes: list[Callable[[Board], None]] = []
 
     def __iter__(self) -> Iterator[Board]:
         return iter(tuple(self._boards.values()))
@@ -86,6 +98,25 @@ class Boards:
             return no_board(command.board_id)
         await board.reconnect()
         return Done(board_id=board.id)
+
+    async def choose_lanes(self, command: ChooseLanes) -> Done | Refusal:
+        """Run these lanes of a board and no others."""
+        return self._change_lanes(command, choose_lanes)
+
+    async def set_lane_parameters(self, command: SetLaneParameters) -> Done | Refusal:
+        """Change numbers of one lane of a board."""
+        return self._change_lanes(command, set_lane_parameters)
+
+    def _change_lanes(
+        self, command: _LaneCommand, carry_out: Callable[[Board, _LaneCommand], Done | Refusal]
+    ) -> Done | Refusal:
+        board = self._boards.get(command.board_id)
+        if board is None:
+            return no_board(command.board_id)
+        reply = carry_out(board, command)
+        for told in self.on_lanes if isinstance(reply, Done) else ():
+            told(board)
+        return reply
 
     def _run(self, board: Board) -> None:
         if self._group is not None:

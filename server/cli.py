@@ -1,4 +1,4 @@
-"""The command line: `navdeck [serve]`, ports, emulate, replay, doctor. Heavy parts are imported by who needs them."""
+"""The command line: `navdeck [serve]`, emulate, replay, compare, montecarlo, … Heavy parts come when needed."""
 
 from __future__ import annotations
 
@@ -13,7 +13,7 @@ from typing import Annotated, Any, Final, NoReturn
 import typer
 
 BAD_INPUT: Final = 2
-COMMANDS: Final = ("serve", "ports", "emulate", "replay", "doctor")
+COMMANDS: Final = ("serve", "ports", "emulate", "replay", "compare", "doctor", "montecarlo")
 GLOBAL_FLAGS: Final = ("--help", "--version")
 MARKS: Final = {"ok": "ok     ", "caution": "caution", "problem": "PROBLEM"}
 
@@ -106,6 +106,7 @@ def _serve(flags: dict[str, Any], config: Path | None) -> None:
     logging.basicConfig(level=level, format="%(asctime)s %(levelname)s %(name)s: %(message)s", stream=sys.stderr)
     logging.getLogger("uvicorn").setLevel(logging.WARNING)
     logging.getLogger("websockets").setLevel(logging.WARNING)
+    _warn_of_weak_tokens(loaded.settings)
     from server.app import serve
     from server.listener import StartError
 
@@ -113,6 +114,16 @@ def _serve(flags: dict[str, Any], config: Path | None) -> None:
         serve(loaded)
     except StartError as error:
         refuse(str(error), error.exit_status)
+
+
+def _warn_of_weak_tokens(settings: Any) -> None:  # noqa: ANN401
+    from server.doctor import TOKEN_SHORT
+
+    for name in ("token", "viewer_token"):
+        secret = getattr(settings, name)
+        if secret is not None and len(secret.get_secret_value()) < TOKEN_SHORT:
+            text = "the %s has fewer than %d characters and can be guessed; make another: openssl rand -hex 16"
+            logging.getLogger("navdeck").warning(text, name.replace("_", " "), TOKEN_SHORT)
 
 
 def _doctor(flags: dict[str, Any], config: Path | None) -> None:
@@ -176,6 +187,9 @@ def replay(
         list[str] | None, typer.Option(metavar="A:B", help="withhold GNSS valid in [A, B) s after the first sample")
     ] = None,
     nav_rate_hz: Annotated[float | None, typer.Option(help="navigation steps a second")] = None,
+    lane_values: Annotated[
+        list[str] | None, typer.Option("--set", metavar="LANE.PARAMETER=VALUE", help="a number of an estimator")
+    ] = None,
     overwrite: Annotated[bool, typer.Option("--overwrite", help="write into a folder that holds other files")] = False,
     quiet: Annotated[bool, typer.Option("--quiet", help="no progress bar, no report")] = False,
 ) -> None:
@@ -183,15 +197,94 @@ def replay(
     from server.replay.command import replay_command
     from server.replay.errors import ReplayError
 
-    outages = tuple(gnss_outage or ())
     try:
         report = replay_command(
-            log, out, lanes=lanes, gnss_outage=outages, nav_rate_hz=nav_rate_hz, overwrite=overwrite, quiet=quiet
+            log,
+            out,
+            lanes=lanes,
+            gnss_outage=tuple(gnss_outage or ()),
+            nav_rate_hz=nav_rate_hz,
+            lane_values=tuple(lane_values or ()),
+            overwrite=overwrite,
+            quiet=quiet,
         )
     except ReplayError as error:
         refuse(str(error))
     if report:
         say(report)
+
+
+@app.command()
+def compare(
+    log: Annotated[Path | None, typer.Argument(metavar="[LOG]", help="a .tlog, or a folder of sensor CSVs")] = None,
+    five_motions: Annotated[bool, typer.Option("--five-motions", help="motions with their truth, no log")] = False,
+    lanes: Annotated[str, typer.Option(help="estimators, as a,b or all")] = "all",
+    to: Annotated[str, typer.Option("--to", metavar="LANE", help="differences are to this one")] = "ins_ekf",
+    reference: Annotated[
+        str | None, typer.Option(metavar="LANE", help="errors are against this one [the log's reference, else onboard]")
+    ] = None,
+    lane_values: Annotated[
+        list[str] | None, typer.Option("--set", metavar="LANE.PARAMETER=VALUE", help="a number of an estimator")
+    ] = None,
+    gnss_outage: Annotated[
+        list[str] | None, typer.Option(metavar="A:B", help="withhold GNSS valid in [A, B) s after the first sample")
+    ] = None,
+    window: Annotated[
+        list[str] | None, typer.Option(metavar="A:B", help="figures and plots of this stretch too, s")
+    ] = None,
+    nav_rate_hz: Annotated[float | None, typer.Option(help="navigation steps a second")] = None,
+    seed: Annotated[int | None, typer.Option(help="of the motions' noise [1]")] = None,
+    out: Annotated[Path | None, typer.Option(help="folder for report.html and the figures as JSON")] = None,
+    overwrite: Annotated[bool, typer.Option("--overwrite", help="write into a folder that holds other files")] = False,
+    as_json: Annotated[bool, typer.Option("--json", help="print the figures as JSON instead of tables")] = False,
+) -> None:
+    """Run every estimator on the very same samples: differences, errors, delay, noise, cost."""
+    from server.compare import command
+    from server.replay.errors import ReplayError
+
+    told = command.Told(
+        log=log,
+        five_motions=five_motions,
+        lanes=lanes,
+        chosen=to,
+        reference=reference,
+        parameters=tuple(lane_values or ()),
+        gnss_outages=tuple(gnss_outage or ()),
+        windows=tuple(window or ()),
+        nav_rate_hz=nav_rate_hz,
+        seed=seed,
+        out=out,
+        overwrite=overwrite,
+        as_json=as_json,
+    )
+    try:
+        text = command.run(told)
+    except ReplayError as error:
+        refuse(str(error))
+    say(text)
+
+
+@app.command()
+def montecarlo(
+    runs: Annotated[int, typer.Option(help="flights")] = 100,
+    seconds: Annotated[float, typer.Option(help="length of each, s")] = 120.0,
+    seed: Annotated[int, typer.Option(help="equal seeds give equal results")] = 1,
+    told: Annotated[
+        str, typer.Option(help="what the filter knows of the noise: defaults, or sheet = the board's data sheets")
+    ] = "defaults",
+    rtk: Annotated[bool, typer.Option("--rtk", help="fly with a carrier-phase receiver")] = False,
+    out: Annotated[Path | None, typer.Option(help="folder for montecarlo.json and montecarlo.html")] = None,
+    as_json: Annotated[bool, typer.Option("--json", help="print the figures as JSON instead of a table")] = False,
+) -> None:
+    """Fly the demo board many times, each with other errors: are the filter's errors as large as it says?"""
+    from server.montecarlo import command as campaign
+
+    try:
+        chosen = campaign.checked(runs=runs, seconds=seconds, seed=seed, told=told, rtk=rtk)
+        found = campaign.montecarlo(chosen, out=out)
+    except campaign.CampaignError as error:
+        refuse(str(error))
+    say(campaign.as_json(found).decode().rstrip() if as_json else campaign.report(found, out))
 
 
 if __name__ == "__main__":

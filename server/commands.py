@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+from collections.abc import Mapping
 from dataclasses import dataclass
 from enum import StrEnum
 
@@ -53,6 +54,23 @@ class ReconnectBoard:
     """Close the link of a board and open it anew; a board that had failed starts afresh."""
 
     board_id: str
+
+
+@dataclass(frozen=True, slots=True, kw_only=True)
+class ChooseLanes:
+    """Run these estimators of a board from the next step on, and no others; the first is the main one."""
+
+    board_id: str
+    lanes: tuple[str, ...]
+
+
+@dataclass(frozen=True, slots=True, kw_only=True)
+class SetLaneParameters:
+    """Change numbers of one estimator from the next step on; None = back to the default."""
+
+    board_id: str
+    lane: str
+    values: Mapping[str, float | None]
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)

@@ -30,6 +30,7 @@ from server.nav.types import (
 VERSION: Final = 1
 HEADER: Final = struct.Struct("<BBHHH")
 MAX_ROWS: Final = 65_535
+LANE_TOPIC: Final = "lanes/"
 RAW_KINDS: Final = (Kind.IMU, Kind.MAG, Kind.BARO, Kind.GNSS, Kind.AIRSPEED, Kind.REFERENCE, Kind.ONBOARD)
 
 
@@ -51,12 +52,17 @@ class RowTopic(NamedTuple):
 
 
 def row_topics(lanes: Sequence[str]) -> dict[str, RowTopic]:
-    """Return the binary topics of a board that runs these lanes, by name below `boards/{id}/`."""
-    topics = {f"lanes/{lane}": RowTopic(LANE_COLUMNS, _lane(lane)) for lane in lanes}
+    """Return the binary topics of a board that has these lanes, running or not, by name below `boards/{id}/`."""
+    topics = {f"{LANE_TOPIC}{lane}": RowTopic(LANE_COLUMNS, _lane(lane)) for lane in lanes}
     topics["filtered"] = RowTopic(STEP_COLUMNS, lambda result: _filled(result.filtered.t_ns, result.filtered.data))
     topics["aids"] = RowTopic(AID_COLUMNS, lambda result: _filled(result.aids.t_ns, result.aids.data))
     topics |= {f"raw/{kind.name.lower()}": RowTopic(SAMPLE_COLUMNS[kind], _raw(kind)) for kind in RAW_KINDS}
     return topics
+
+
+def lane_of(topic: str) -> str | None:
+    """Return the lane whose rows a topic holds; None when it is no lane's."""
+    return topic.removeprefix(LANE_TOPIC) if topic.startswith(LANE_TOPIC) else None
 
 
 def _filled(t_ns: Int, data: Float) -> Table | None:

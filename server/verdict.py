@@ -8,6 +8,7 @@ from typing import Final
 
 from server.board_view import BoardView
 from server.link.base import LinkState
+from server.magnetic import WMM_FIRST_YEAR, WMM_LAST_YEAR
 from server.nav.types import LANE_COLUMNS, AidHealth, AidStatus, LaneState, LaneStatus, SensorHealth
 from server.wire import VerdictOut
 from server.wire_base import Severity
@@ -22,6 +23,7 @@ DRIFT_LIMIT_PPM: Final = 2000.0  # crystals differ by 500 at most; more is a sta
 IMU_RATE_LOW_HZ: Final = 90.0
 SENSOR_STALE_S: Final = {"imu": 1.0, "mag": 3.0, "baro": 3.0, "gnss": 3.0, "airspeed": 3.0}
 SENSOR_WORD: Final = {"imu": "IMU", "mag": "magnetometer", "baro": "barometer", "gnss": "GNSS", "airspeed": "airspeed"}
+PUT_ASIDE_REMEDY: Final = "Choose it again to restart it, set its parameters back if you changed them, and report this."
 STATUS_AT: Final = LANE_COLUMNS.index("status")
 DEAD_RECKONING_AT: Final = LANE_COLUMNS.index("dead_reckoning_s")
 
@@ -66,7 +68,7 @@ def judge(view: BoardView) -> tuple[VerdictOut, ...]:
     found = [*_board(view), *_link(view)]
     if view.state == "running" and view.link.state is LinkState.OPEN:
         found += [*_traffic(view), *_sensors(view), *_aids(view)]
-    found += _lanes(view)
+    found += [*_lanes(view), *_site(view)]
     return tuple(sorted(found, key=lambda line: WORST_FIRST[line.severity]))
 
 
@@ -176,9 +178,31 @@ def _aid(view: BoardView, aid: AidHealth) -> Iterator[VerdictOut]:
 
 
 def _lanes(view: BoardView) -> Iterator[VerdictOut]:
+    failures = {info.name: info.failure for info in view.lane_infos if info.failure and info.name in view.lanes}
+    for name, failure in failures.items():
+        severity: Severity = "warning" if name == view.lanes[0] else "caution"
+        cause = f"The estimator {name} was put aside: {failure}."
+        yield _line(severity, "lane-put-aside", f"lane:{name}", cause, PUT_ASIDE_REMEDY)
     for lane in view.snapshot.lanes if view.snapshot is not None else ():
-        if lane.lane == view.lanes[0]:
-            yield from _lane(view, lane)
+        if lane.lane not in failures:
+            yield from _lane(view, lane) if lane.lane == view.lanes[0] else _other_lane(lane)
+
+
+def _other_lane(lane: LaneState) -> Iterator[VerdictOut]:
+    """Of an estimator that only runs beside the main one, its failure alone is a trouble of the board."""
+    if lane_status(lane) is LaneStatus.FAILED:
+        cause = f"The estimator {lane.lane} gave up: its state was no longer consistent."
+        yield _line("caution", "lane-failed", f"lane:{lane.lane}", cause, "Wait: it starts again by itself.")
+
+
+def _site(view: BoardView) -> Iterator[VerdictOut]:
+    site = view.snapshot.site if view.snapshot is not None else None
+    if site is None or site.date_source not in {"settings", "board"}:
+        return
+    if site.decimal_year in {WMM_FIRST_YEAR, WMM_LAST_YEAR}:  # held there: the date told lies beyond
+        cause = f"The date lies outside the magnetic model's life; its field of {site.decimal_year:.1f} is used."
+        remedy = "Check the date of the board or of the settings, or update navdeck."
+        yield _line("caution", "magnetic-model-date", "mag", cause, remedy, decimal_year=site.decimal_year)
 
 
 def _lane(view: BoardView, lane: LaneState) -> Iterator[VerdictOut]:

@@ -4,13 +4,20 @@ from __future__ import annotations
 
 import math
 from collections.abc import Iterable
+from dataclasses import asdict
+from typing import TYPE_CHECKING
 
 from server.board_view import BoardView
 from server.link.base import LinkStatus
 from server.nav.types import LANE_COLUMNS, SAMPLE_COLUMNS, AidHealth, AidStatus, Kind, LaneState, SensorHealth, Site
 from server.verdict import lane_status
 from server.wire import AidOut, CountOut, EngineOut, LaneOut, SensorOut, SiteOut
+from server.wire_consistency import ConsistencyOut
+from server.wire_lanes import LaneChoiceOut, LanesOut, ParameterOut
 from server.wire_link import LinkOut, MessageOut, ProtocolOut, RequestOut, SenderOut
+
+if TYPE_CHECKING:
+    from server.nav.lanes.registry import LaneInfo  # importing it loads every kernel
 
 
 def link_out(view: BoardView) -> LinkOut:
@@ -97,16 +104,28 @@ def aids_out(view: BoardView) -> tuple[AidOut, ...]:
 def _aid(view: BoardView, aid: AidHealth) -> AidOut:
     last = aid.last
     used = [i for i in range(3) if last and math.isfinite(last[8 + i])]
-    return AidOut(
-        aid=aid.aid.name.lower(),
-        fused=aid.fused,
-        refused=_counts(aid.refused),
-        fused_age_s=view.age_of_s(aid.t_fused_ns),
-        last_status=kebab(AidStatus(int(last[1])).name) if last else "",
-        test_ratio=last[14] if last else None,
-        innovation=tuple(last[8 + i] for i in used),
-        innovation_sigma=tuple(math.sqrt(last[11 + i]) if last[11 + i] >= 0.0 else None for i in used),
-    )
+    fields: dict[str, object] = {
+        "aid": aid.aid.name.lower(),
+        "fused": aid.fused,
+        "refused": _counts(aid.refused),
+        "fused_age_s": view.age_of_s(aid.t_fused_ns),
+        "last_status": kebab(AidStatus(int(last[1])).name) if last else "",
+        "test_ratio": last[14] if last else None,
+        "innovation": tuple(last[8 + i] for i in used),
+        "innovation_sigma": tuple(math.sqrt(last[11 + i]) if last[11 + i] >= 0.0 else None for i in used),
+        "nis_mean": aid.nis_mean,
+        "nis_low": aid.nis_low,
+        "nis_high": aid.nis_high,
+        "nis_samples": aid.nis_samples,
+        "verdict": aid.verdict,
+    }
+    return AidOut.model_validate(fields)
+
+
+def consistency_out(view: BoardView) -> tuple[ConsistencyOut, ...]:
+    """Return the main lane's consistency; none before the engine exists."""
+    groups = view.snapshot.consistency if view.snapshot is not None else ()
+    return tuple(ConsistencyOut.model_validate(asdict(group)) for group in groups)
 
 
 def lanes_out(view: BoardView) -> tuple[LaneOut, ...]:
@@ -121,6 +140,7 @@ def _lane(view: BoardView, lane: LaneState) -> LaneOut:
         "lane": lane.lane,
         "provides": lane.provides,
         "status": lane_status(lane).name.lower(),
+        "failure": lane.failure,
         "t_ns": lane.t_ns,
         "age_s": view.age_of_s(lane.t_ns),
         "sigma_heading_rad": row.get("sigma_att_z_rad", nan),
@@ -130,6 +150,37 @@ def _lane(view: BoardView, lane: LaneState) -> LaneOut:
         "dead_reckoning_s": row.get("dead_reckoning_s", nan),
     }
     return LaneOut.model_validate(fields)
+
+
+def choices_out(view: BoardView) -> LanesOut:
+    """Return every estimator there is, with its parameters as they are set."""
+    lanes = tuple(_choice(view, info) for info in view.lane_infos)
+    return LanesOut(board_id=view.id, main_lane=view.lanes[0], chosen=view.lanes, lanes=lanes)
+
+
+def _choice(view: BoardView, info: LaneInfo) -> LaneChoiceOut:
+    states = {lane.lane: lane for lane in view.snapshot.lanes} if view.snapshot is not None else {}
+    fields: dict[str, object] = {
+        "name": info.name,
+        "provides": info.provides,
+        "chosen": info.name in view.lanes,
+        "running": info.running,
+        "failure": info.failure,
+        "status": lane_status(states[info.name]).name.lower() if info.name in states else None,
+        "parameters": tuple(
+            ParameterOut(
+                name=one.name,
+                unit=one.unit,
+                default=one.default,
+                minimum=one.minimum,
+                maximum=one.maximum,
+                meaning=one.meaning,
+                value=info.values[one.name],
+            )
+            for one in info.parameters
+        ),
+    }
+    return LaneChoiceOut.model_validate(fields)
 
 
 def site_out(site: Site | None) -> SiteOut | None:

@@ -12,7 +12,16 @@ from server.hub import EventRecord
 from server.nav.rotation import euler_from_quat
 from server.nav.types import LANE_COLUMNS, STEP_COLUMNS, LaneState, LaneStatus
 from server.verdict import STALE_S, judge, lane_status, worst
-from server.view_parts import aids_out, engine_out, lanes_out, link_out, protocol_out, sensors_out, site_out
+from server.view_parts import (
+    aids_out,
+    consistency_out,
+    engine_out,
+    lanes_out,
+    link_out,
+    protocol_out,
+    sensors_out,
+    site_out,
+)
 from server.wire import BoardOut, EventOut, FlagsOut, HealthOut, NavOut, TopicOut
 
 JSON_TOPICS: Final = ("health", "events")
@@ -63,6 +72,7 @@ def health_out(view: BoardView) -> HealthOut:
         sensors=sensors_out(view),
         aids=aids_out(view),
         lanes=lanes_out(view),
+        consistency=consistency_out(view),
         site=site_out(snapshot.site) if snapshot is not None else None,
         filtered=filtered,
         events=tuple(event_out(record, view.now_ns) for record in view.events[-HEALTH_EVENTS:]),
@@ -96,7 +106,8 @@ def nav_out(view: BoardView, lane_name: str) -> NavOut:
 def _lane_named(view: BoardView, name: str) -> LaneState:
     lanes = view.snapshot.lanes if view.snapshot is not None else ()
     found = next((lane for lane in lanes if lane.lane == name and lane.row.size), None)
-    return found or LaneState(lane=name, provides="full", t_ns=-1, row=np.full(len(LANE_COLUMNS), np.nan))
+    provides = next((info.provides for info in view.lane_infos if info.name == name), "full")
+    return found or LaneState(lane=name, provides=provides, t_ns=-1, row=np.full(len(LANE_COLUMNS), np.nan))
 
 
 def _euler(lane: LaneState) -> dict[str, float | None]:

@@ -13,6 +13,8 @@ from typing import Literal
 from pydantic import Field
 
 from server.wire_base import In, Num, Out, Severity
+from server.wire_consistency import ConsistencyOut, ConsistencyVerdict
+from server.wire_lanes import LaneStatusName, Provides
 from server.wire_link import LinkOut, ProtocolOut
 
 
@@ -48,17 +50,20 @@ class AidOut(Out):
     test_ratio: Num
     innovation: tuple[Num, ...] = Field(description="at most three components; NED m, m/s, gauss")
     innovation_sigma: tuple[Num, ...]
-
-
-LaneStatusName = Literal["aligning", "attitude", "navigating", "dead_reckoning", "failed"]
+    nis_mean: Num = Field(description="innovation² over its variance, mean per component over a minute; 1 = consistent")
+    nis_low: Num = Field(description="two-sided 95 % chi-square bound of the mean, autocorrelation taken into account")
+    nis_high: Num
+    nis_samples: int = Field(description="measurements in the window")
+    verdict: ConsistencyVerdict
 
 
 class LaneOut(Out):
     """One estimator and its state in short."""
 
     lane: str
-    provides: Literal["full", "attitude", "altitude"]
+    provides: Provides
     status: LaneStatusName
+    failure: str = Field(description='why it was put aside; "" when it was not')
     t_ns: int
     age_s: Num
     sigma_heading_rad: Num
@@ -137,7 +142,7 @@ class BoardOut(Out):
     age_s: Num = Field(description="since the newest sample arrived; null before the first")
     main_lane: str
     lanes: tuple[LaneOut, ...]
-    topics: tuple[TopicOut, ...]
+    topics: tuple[TopicOut, ...] = Field(description="those that are fed now; a lane has its own once it is chosen")
 
 
 class BoardsOut(Out):
@@ -174,7 +179,7 @@ class NavOut(Out):
 
     board_id: str
     lane: str
-    provides: Literal["full", "attitude", "altitude"]
+    provides: Provides
     boot_id: int
     t_ns: int = Field(description="board time the state is valid at")
     age_s: Num = Field(description="since the newest sample arrived")
@@ -229,6 +234,9 @@ class HealthOut(Out):
     sensors: tuple[SensorOut, ...]
     aids: tuple[AidOut, ...]
     lanes: tuple[LaneOut, ...]
+    consistency: tuple[ConsistencyOut, ...] = Field(
+        description='of the main lane: state groups that have a reference, then "lane"; empty while it does not run'
+    )
     site: SiteOut | None
     filtered: dict[str, Num] = Field(description="newest row of the filtered topic, by STEP_COLUMNS; empty before it")
     events: tuple[EventOut, ...] = Field(description="newest last, at most 50")

@@ -37,7 +37,10 @@ StreamIn = Annotated[SubscribeIn | UnsubscribeIn | PingIn, Field(discriminator="
 
 
 class SubscribedOut(Out):
-    """The subscription stands; rows of a binary topic have these columns after t_ns."""
+    """The subscription stands; rows of a binary topic have these columns after t_ns.
+
+    Comes again, unasked, when the lane of this subscription was switched on.
+    """
 
     op: Literal["subscribed"] = "subscribed"
     id: int
@@ -47,7 +50,11 @@ class SubscribedOut(Out):
 
 
 class StreamErrorOut(Out):
-    """A request on the socket that could not be met; the socket stays open. id 0 = no id could be read."""
+    """A request on the socket that could not be met; the socket stays open. id 0 = no id could be read.
+
+    With the code lane-not-running the subscription waits: it gives rows as soon as that lane is switched on. This also
+    comes unasked, when it is switched off.
+    """
 
     op: Literal["error"] = "error"
     id: int

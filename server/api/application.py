@@ -5,6 +5,7 @@ from __future__ import annotations
 from typing import Any, Final
 
 from fastapi import APIRouter, FastAPI
+from starlette.types import ASGIApp, Message, Receive, Scope, Send
 
 from server.api import boards, docs, service
 from server.api.context import Context
@@ -16,6 +17,24 @@ from server.wire_base import Problem
 RESPONSES: Final[dict[int | str, dict[str, Any]]] = {
     code: {"model": Problem} for code in (401, 403, 413, 422, 429, 500)
 }
+
+
+class HeadAsGet:
+    """ASGI middleware: HEAD is answered as GET would be, without the body (RFC 9110, section 9.3.2)."""
+
+    def __init__(self, app: ASGIApp) -> None:
+        self._app = app
+
+    async def __call__(self, scope: Scope, receive: Receive, send: Send) -> None:
+        """Pass everything else on as it is."""
+        if scope["type"] != "http" or scope["method"] != "HEAD":
+            await self._app(scope, receive, send)
+            return
+
+        async def without_body(message: Message) -> None:
+            await send({**message, "body": b""} if message["type"] == "http.response.body" else message)
+
+        await self._app({**scope, "method": "GET"}, receive, without_body)
 
 
 def make_app(context: Context, *more: APIRouter) -> FastAPI:
@@ -30,6 +49,7 @@ def make_app(context: Context, *more: APIRouter) -> FastAPI:
         redirect_slashes=False,
     )
     app.state.context = context
+    app.add_middleware(HeadAsGet)
     install_errors(app)
     for router in (service.router, service.ops_router, boards.router, docs.router, *more):
         app.include_router(router)

@@ -26,9 +26,9 @@ class RowFeed:
         self, name: str, topic: RowTopic, rate_hz: float, native_rate_hz: Callable[[str], float | None]
     ) -> None:
         self.readers: set[Reader] = set()
-        self._name = name
+        self.name = name
+        self.rate_hz = rate_hz
         self._topic = topic
-        self._rate_hz = rate_hz
         self._native_rate_hz = native_rate_hz
         self._thinner = Thinner(rate_hz)
         self._boot_id = -1
@@ -37,7 +37,7 @@ class RowFeed:
         """Send what this result holds of the topic."""
         boot_id = result.boot_id
         if boot_id != self._boot_id:
-            self._boot_id, self._thinner = boot_id, Thinner(self._rate_hz)
+            self._boot_id, self._thinner = boot_id, Thinner(self.rate_hz)
         table = self._topic.extract(result)
         if table is not None and not self._wants_all():
             table = self._thinner.thin(table, 0 if self._topic.columns is AID_COLUMNS else None)
@@ -45,8 +45,8 @@ class RowFeed:
             self._send(table, boot_id)
 
     def _wants_all(self) -> bool:
-        native_hz = self._native_rate_hz(self._name)
-        return native_hz is None or self._rate_hz >= AS_NATIVE * native_hz
+        native_hz = self._native_rate_hz(self.name)
+        return native_hz is None or self.rate_hz >= AS_NATIVE * native_hz
 
     def _send(self, table: Table, boot_id: int) -> None:
         for start in range(0, table.t_ns.size, MAX_ROWS):

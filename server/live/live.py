@@ -9,9 +9,11 @@ from typing import Any, Final, NamedTuple
 
 from server.board import Board
 from server.boards import Boards
+from server.lane_commands import not_running
 from server.live.feeds import EventFeed, JsonFeed, Pump, Reader, RowFeed
 from server.live.outbox import Outbox
 from server.problems import problem
+from server.rows import lane_of
 from server.views import board_out, health_out
 from server.wire import BoardsOut
 from server.wire_base import Problem
@@ -30,6 +32,7 @@ class Subscribed(NamedTuple):
 
     feed: AnyFeed
     board_id: str  # "" for the list of boards
+    silent: bool = False  # the client was told that this lane does not run
 
 
 class Live:
@@ -47,6 +50,7 @@ class Live:
         self.lost_total = 0  # messages lost by clients that are gone
         self.dropped_total = 0  # clients disconnected because they did not read
         boards.on_removed.append(self._forget_board)
+        boards.on_lanes.append(self._tell_lanes)
 
     def start(self, group: asyncio.TaskGroup) -> None:
         """Run the feeds in this task group."""
@@ -131,23 +135,36 @@ class Live:
         self._enter(self._events[board.id], (outbox, wish.id), board.id)
         return answer
 
-    def _join_rows(self, outbox: Outbox, wish: SubscribeIn, board: Board, name: str) -> SubscribedOut:
+    def _join_rows(self, outbox: Outbox, wish: SubscribeIn, board: Board, name: str) -> SubscribedOut | StreamErrorOut:
+        """A lane that does not run is an error now, and gives rows as soon as it is chosen."""
         rate_hz = wish.rate_hz or ROWS_DEFAULT_HZ
-        answer = SubscribedOut(id=wish.id, topic=wish.topic, columns=board.topics[name].columns, rate_hz=rate_hz)
-        outbox.reply(answer.model_dump_json())
+        answer = _row_answer(board, name, wish.id, rate_hz)
+        if isinstance(answer, SubscribedOut):
+            outbox.reply(answer.model_dump_json())
         if board.id not in self._pumps:
             self._pumps[board.id] = Pump(board)
             self._start(self._pumps[board.id], self._pumps[board.id].run())
-        self._enter(self._pumps[board.id].feed(name, rate_hz), (outbox, wish.id), board.id)
+        silent = isinstance(answer, StreamErrorOut)
+        self._enter(self._pumps[board.id].feed(name, rate_hz), (outbox, wish.id), board.id, silent=silent)
         return answer
 
-    def _enter(self, feed: AnyFeed, reader: Reader, board_id: str) -> None:
+    def _enter(self, feed: AnyFeed, reader: Reader, board_id: str, *, silent: bool = False) -> None:
         feed.readers.add(reader)
-        self._clients[reader[0]][reader[1]] = Subscribed(feed, board_id)
+        self._clients[reader[0]][reader[1]] = Subscribed(feed, board_id, silent)
+
+    def _tell_lanes(self, board: Board) -> None:
+        """Tell the readers of a lane that it was switched on or off; their subscriptions stay."""
+        for outbox, subscriptions in self._clients.items():
+            for stream_id, (feed, board_id, silent) in tuple(subscriptions.items()):
+                if board_id == board.id and isinstance(feed, RowFeed):
+                    answer = _row_answer(board, feed.name, stream_id, feed.rate_hz)
+                    if isinstance(answer, StreamErrorOut) is not silent:
+                        subscriptions[stream_id] = Subscribed(feed, board_id, not silent)
+                        outbox.offer(answer.model_dump_json())
 
     def _sweep(self, subscribed: Subscribed) -> None:
         """Stop a feed that nobody reads any more, and the pump of a board without feeds."""
-        feed, board_id = subscribed
+        feed, board_id, _ = subscribed
         if feed.readers:
             return
         if isinstance(feed, RowFeed):
@@ -199,3 +216,14 @@ class Live:
 
     def _end(self, owner: object) -> None:
         self._tasks.pop(owner).cancel()
+
+
+def _row_answer(board: Board, name: str, stream_id: int, rate_hz: float) -> SubscribedOut | StreamErrorOut:
+    """Return that rows will come, or that this lane does not run."""
+    lane = lane_of(name)
+    idle = next((info for info in board.lanes() if info.name == lane and not info.running), None)
+    if idle is not None:
+        why = not_running(board.id, idle)
+        return StreamErrorOut(id=stream_id, problem=problem(409, why.code, why.detail, why.remedy))
+    topic = f"boards/{board.id}/{name}"
+    return SubscribedOut(id=stream_id, topic=topic, columns=board.topics[name].columns, rate_hz=rate_hz)

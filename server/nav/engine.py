@@ -16,11 +16,12 @@ import numpy as np
 
 from server.nav.codes import FUSED, GNSS, MAG
 from server.nav.ekf import layout as at
-from server.nav.health import AidBook, mag_scale_event, sensor_health
+from server.nav.health import AidBook, consistency, mag_scale_event, sensor_health
 from server.nav.lanes.bank import LaneBank
 from server.nav.lanes.base import LaneContext
 from server.nav.lanes.passthrough import SOURCE, merged, repeat
 from server.nav.lanes.registry import LANES, LaneInfo, provides_of
+from server.nav.nees import NeesBook
 from server.nav.parts import Part, join, join_aids
 from server.nav.preprocess.accumulate import accumulate
 from server.nav.preprocess.filtered import filtered_rows
@@ -46,6 +47,8 @@ from server.nav.types import (
 
 EVENTS_KEPT: Final = 100
 CARRIED_ROWS: Final = 2048
+MAIN: Final = "ins_ekf"
+"""The lane whose aids are recorded and whose consistency is judged."""
 
 
 class NavEngine:
@@ -81,7 +84,7 @@ class NavEngine:
         self._carried = np.empty((0, at.M_SIZE))
         self._held = np.full(5, np.nan)
         self._bank.clear()
-        self._book = AidBook()
+        self._book, self._nees = AidBook(), NeesBook(MAIN)
         self._newest: dict[str, LaneState] = {}
         self._filtered: tuple[float, ...] = ()
         self._steps = 0
@@ -143,6 +146,10 @@ class NavEngine:
     def lanes(self) -> tuple[LaneInfo, ...]:
         """Return every lane there is: whether it runs, what it provides, and its parameters as they are set."""
         return self._bank.info()
+
+    def covariance(self, lane: str) -> tuple[int, Float] | None:
+        """Return (t_ns, P) of a lane that tells it, P (9, 9) over attitude, velocity and position NED; else None."""
+        return self._bank.covariance(lane)
 
     def _resolve_delays(self, profile_s: tuple[float, ...]) -> None:
         """Settings win over the protocol's profile, the profile over zero."""
@@ -266,6 +273,7 @@ class NavEngine:
         self, lanes: tuple[LaneRows, ...], aids: AidRows, filtered: list[Part], events: tuple[Event, ...]
     ) -> None:
         self._book.add(aids)
+        self._nees.add(lanes)
         self._events.extend(events)
         for rows in lanes:
             t_ns = int(rows.t_ns[-1])
@@ -297,6 +305,7 @@ class NavEngine:
             events=tuple(self._events),
             steps=self._steps,
             vehicle=VehicleClass(self._vehicle),
+            consistency=consistency(self._book, self._nees) if MAIN in self._bank.chosen else (),
         )
 
 

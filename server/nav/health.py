@@ -7,9 +7,23 @@ from typing import Final
 
 import numpy as np
 
+from server.nav.consistency import NisBook, WindowTest, as_health, lane_verdict
+from server.nav.nees import NeesBook
 from server.nav.preprocess import memory as acc
 from server.nav.preprocess.check import STUCK_S
-from server.nav.types import AID_COLUMNS, Aid, AidHealth, AidRows, AidStatus, Event, Float, Int, Kind, SensorHealth
+from server.nav.types import (
+    AID_COLUMNS,
+    Aid,
+    AidHealth,
+    AidRows,
+    AidStatus,
+    ConsistencyHealth,
+    Event,
+    Float,
+    Int,
+    Kind,
+    SensorHealth,
+)
 
 SENSORS: Final = (
     ("imu", Kind.IMU),
@@ -28,6 +42,8 @@ REASONS: Final = (
 )
 
 
+PSEUDO: Final = (Aid.ZERO_VELOCITY, Aid.ZERO_RATE, Aid.GRAVITY)
+"""Aids that measure nothing but assume."""
 RECENT_NS: Final = 10e9
 """How long a hole in the data stays worth a caution; the count stays for ever."""
 
@@ -71,9 +87,10 @@ def _note(kind: Kind, scale: float, counters: Int, s: Float) -> str:
 
 
 class AidBook:
-    """Fused and refused counts and the last record of every aid."""
+    """Fused and refused counts, the last record and the consistency of every aid."""
 
     def __init__(self) -> None:
+        self._nis = NisBook()
         self._counts = np.zeros((len(Aid), len(AidStatus)), dtype=np.int64)
         self._last = np.full((len(Aid), len(AID_COLUMNS)), np.nan)
         self._t_fused_ns = np.full(len(Aid), -1, dtype=np.int64)
@@ -82,6 +99,7 @@ class AidBook:
         """Count the records of one call."""
         if not len(rows.t_ns):
             return
+        self._nis.add(rows)
         aid, status = rows.data[:, 0].astype(np.int64), rows.data[:, 1].astype(np.int64)
         np.add.at(self._counts, (aid, status), 1)
         self._last[aid] = rows.data  # with repeated indices the last one stays
@@ -90,11 +108,12 @@ class AidBook:
 
     def health(self) -> tuple[AidHealth, ...]:
         """Return one entry per aid that was ever seen."""
-        entries = []
+        entries, tests = [], self._nis.tests()
         for aid in Aid:
             counts = self._counts[aid]
             if counts.any():
                 refused = tuple((status, int(counts[status])) for status in AidStatus if status and counts[status])
+                nis = tests[aid]
                 entries.append(
                     AidHealth(
                         aid=aid,
@@ -102,9 +121,30 @@ class AidBook:
                         refused=refused,
                         t_fused_ns=int(self._t_fused_ns[aid]),
                         last=tuple(self._last[aid].tolist()),
+                        nis_mean=nis.mean,
+                        nis_low=nis.low,
+                        nis_high=nis.high,
+                        nis_samples=nis.samples,
+                        verdict=nis.verdict,
                     )
                 )
         return tuple(entries)
+
+    def sensor_tests(self) -> list[tuple[str, WindowTest]]:
+        """Return the innovation tests of the aids that are sensors.
+
+        Zero velocity, zero rate and gravity have variances for the worst board that still counts as resting, so that on
+        a quiet bench they are conservative, and mean to be.
+        """
+        return [(f"{aid.name.lower()} NIS", test) for aid, test in self._nis.tests().items() if aid not in PSEUDO]
+
+
+def consistency(book: AidBook, nees: NeesBook) -> tuple[ConsistencyHealth, ...]:
+    """Return the state groups of a lane that have a reference, then the verdict on the lane as a whole."""
+    groups = [(group, test) for group, test in nees.tests() if test.samples]
+    everything = [(f"{group} NEES", test) for group, test in groups] + book.sensor_tests()
+    whole = lane_verdict(nees.lane, everything)
+    return (*(as_health(nees.lane, group, test) for group, test in groups), whole)
 
 
 def mag_scale_event(scale: float, t_ns: int) -> Event | None:

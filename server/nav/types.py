@@ -199,6 +199,7 @@ class Aid(IntEnum):
     SIDESLIP = 7
     GRAVITY = 8
     GNSS_COURSE = 9
+    WHEELS = 10  # a car neither slides sideways nor jumps
 
 
 class AidStatus(IntEnum):
@@ -341,6 +342,37 @@ class AidHealth:
     refused: tuple[tuple[AidStatus, int], ...]
     t_fused_ns: int
     last: tuple[float, ...]  # one row of AID_COLUMNS, () before the first
+    nis_mean: float = float("nan")  # windowed mean of innovation² / innovation variance per component; consistent: 1
+    nis_low: float = float("nan")  # its two-sided 95 % chi-square bound, autocorrelation taken into account
+    nis_high: float = float("nan")
+    nis_samples: int = 0  # measurements in the window
+    verdict: str = "too-few"  # "over-confident", "conservative", "consistent", "too-few"
+
+
+@dataclass(frozen=True, slots=True, kw_only=True)
+class ConsistencyHealth:
+    """Whether errors of a lane are as large as its own σ says, over the last minute (`nav.consistency`).
+
+    Attributes:
+        lane: the lane judged.
+        group: "attitude", "velocity", "position" against the reference; "lane" is the verdict over everything.
+        mean: squared error over published variance, mean per component; 1 for a consistent lane.
+        low, high: its two-sided 95 % chi-square bound, autocorrelation taken into account.
+        samples: epochs in the window.
+        effective: independent squared components that they are worth.
+        verdict: "over-confident", "conservative", "consistent" or "too-few".
+        reason: what decided, "" when nothing speaks against the lane.
+    """
+
+    lane: str
+    group: str
+    mean: float = float("nan")
+    low: float = float("nan")
+    high: float = float("nan")
+    samples: int = 0
+    effective: float = 0.0
+    verdict: str = "too-few"
+    reason: str = ""
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
@@ -388,6 +420,7 @@ class Snapshot:
     events: tuple[Event, ...]  # newest last, bounded
     steps: int
     vehicle: VehicleClass = VehicleClass.UNKNOWN
+    consistency: tuple[ConsistencyHealth, ...] = ()  # the main lane's: groups with a reference, then "lane"
 
 
 class FieldModel(Protocol):

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import math
 from dataclasses import dataclass, field
 from typing import Final
 
@@ -36,6 +37,7 @@ class Boot:
     Attributes:
         t_first_ns, t_last_ns: of its samples (dates and profiles aside); -1 before the first.
         t_fix_ns: stamp of the first GNSS row that is a 3-D fix; -1 without one.
+        decimal_year: the board's own date, the first it told; NaN without one.
         samples: rows by `Kind`.
         aids: shape (aids, statuses), measurements by what became of them.
         snapshot: the engine's own account at the end.
@@ -45,6 +47,7 @@ class Boot:
     t_first_ns: int = -1
     t_last_ns: int = -1
     t_fix_ns: int = -1
+    decimal_year: float = math.nan
     samples: Int = field(default_factory=lambda: np.zeros(len(Kind) + 1, dtype=np.int64))
     aids: Int = field(default_factory=lambda: np.zeros((len(Aid), len(AidStatus)), dtype=np.int64))
     events: list[Event] = field(default_factory=list)
@@ -66,6 +69,9 @@ class Boot:
         truth = block.kind == Kind.REFERENCE
         if truth.any():
             self._reference.append((block.t_ns[truth], block.data[truth]))
+        dates = block.data[block.kind == Kind.DATE, 0]
+        if len(dates) and math.isnan(self.decimal_year):
+            self.decimal_year = float(dates[0])
         if self.t_fix_ns < 0:
             self.t_fix_ns = _first_fix(block)
 
@@ -84,6 +90,11 @@ class Boot:
         if not parts:
             return np.empty(0, dtype=np.int64), np.empty((0, len(LANE_COLUMNS)))
         return np.concatenate([p.t_ns for p in parts]), np.concatenate([p.data for p in parts])
+
+    def failure(self, name: str) -> str:
+        """Return why a lane was put aside; "" when it was not."""
+        lanes = self.snapshot.lanes if self.snapshot is not None else ()
+        return next((lane.failure for lane in lanes if lane.lane == name), "")
 
     def reference(self) -> tuple[Int, Float]:
         """Return the reference by ascending stamp, the first row of each."""

@@ -12,7 +12,7 @@ from rich.console import Console
 from rich.progress import BarColumn, Progress, TaskProgressColumn, TextColumn, TimeElapsedColumn
 
 from server.replay.contract import ErrorsOut, LaneOut, OutageOut, SpreadOut, SummaryOut
-from server.replay.options import lanes_from_text, outage_from_text
+from server.replay.options import lanes_from_text, outage_from_text, values_from_texts
 from server.replay.run import replay
 
 _HARMLESS: Final = ("frames_lost_of_others", "filtered_frames", "unknown_messages")
@@ -28,6 +28,7 @@ def replay_command(
     lanes: str = "all",
     gnss_outage: Sequence[str] = (),
     nav_rate_hz: float | None = None,
+    lane_values: Sequence[str] = (),
     overwrite: bool = False,
     quiet: bool = False,
 ) -> str:
@@ -39,6 +40,7 @@ def replay_command(
         lanes: "a,b" or "all".
         gnss_outage: "A:B" each, seconds after the earliest t_ns of any file.
         nav_rate_hz: navigation steps a second; None = the default.
+        lane_values: "LANE.PARAMETER=VALUE" each.
         overwrite: write into a directory that holds other files.
         quiet: no progress bar, no report.
 
@@ -47,6 +49,7 @@ def replay_command(
     """
     chosen = lanes_from_text(lanes)
     outages = [outage_from_text(text) for text in gnss_outage]
+    values = values_from_texts(lane_values)
     with _bar(log.name, quiet=quiet) as progress:
         summary = replay(
             log,
@@ -54,6 +57,7 @@ def replay_command(
             lanes=chosen,
             gnss_outages=outages,
             nav_rate_hz=nav_rate_hz,
+            lane_parameters=values,
             overwrite=overwrite,
             progress=progress,
         )

@@ -70,9 +70,11 @@ class OutageOut(_Out):
 
 
 class LaneOut(_Out):
-    """One lane: its file, how many rows in which state, and its errors."""
+    """One lane: its file, how many rows in which state, and its errors; null of what it does not provide."""
 
     file: str
+    provides: Literal["full", "attitude", "altitude"]
+    failure: str = Field(description='why the lane was put aside; "" when it was not')
     boot_id: int
     rows: int
     status_rows: dict[str, int] = Field(description="rows by status word; all words are present")
@@ -102,6 +104,9 @@ class SettingsOut(_Out):
 
     nav_rate_hz: float
     lanes: list[str]
+    lane_parameters: dict[str, dict[str, float]] = Field(
+        description="lane → parameter → value, only what is not at its default"
+    )
     vehicle: str
     gnss_delay_s: float | None
     lever_arm_b_m: list[float]

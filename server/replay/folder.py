@@ -9,7 +9,7 @@ from typing import Any, Final
 import numpy as np
 from numpy.typing import NDArray
 
-from server.nav.types import ROW_WIDTH, Float, Int, Kind, SampleBlock
+from server.nav.types import ROW_WIDTH, SAMPLE_COLUMNS, Float, Int, Kind, SampleBlock
 from server.replay.csv_in import Read, read_table
 from server.replay.errors import ReplayError, nearest
 from server.replay.meta import read_meta
@@ -19,6 +19,8 @@ from server.replay.tables import TABLES, Table
 META: Final = "meta.toml"
 UNIT_TOLERANCE: Final = 0.05  # a quaternion further from unit norm than this was not meant as one
 _Q30: Final = float(1 << 30)
+MAX_FIX_TYPE: Final = 6
+_FIX_TYPE: Final = SAMPLE_COLUMNS[Kind.GNSS].index("fix_type")
 _QUATERNIONS: Final = (Kind.REFERENCE, Kind.DMP)
 
 
@@ -47,6 +49,8 @@ class FolderLog:
             read.data[:, : len(table.columns)] = _from_q30(path, read)
         if table.kind in _QUATERNIONS:
             self._losses["bad_quaternions"] += _normalise(read.data[:, :4])
+        if table.kind is Kind.GNSS:
+            _check_fix_type(path, read)
         t_ns, data = self._in_order(path, read.t_ns, read.data)
         return table.kind, t_ns, data
 
@@ -108,6 +112,17 @@ def _strange_files(path: Path) -> list[str]:
     known = {table.file for table in TABLES} | {META}
     found = sorted(p.name for p in path.iterdir() if p.suffix.lower() in {".csv", ".toml"} and p.name not in known)
     return [f"{name} is not part of a sensor folder and is ignored{nearest(name, known)}." for name in found]
+
+
+def _check_fix_type(path: Path, read: Read) -> None:
+    """Raise ReplayError for a fix_type that is none; unknown is one."""
+    fix = read.data[:, _FIX_TYPE]
+    bad = np.flatnonzero(~np.isnan(fix) & ~np.isin(fix, np.arange(MAX_FIX_TYPE + 1)))
+    if len(bad):
+        raise ReplayError(
+            f"{path}: column fix_type, at t_ns {read.t_ns[bad[0]]}: {fix[bad[0]]:g} is no kind of fix. Write 0 "
+            "or 1 for none, 2 two-dimensional, 3 three-dimensional, 4 differential, 5 float, 6 fixed, or empty."
+        )
 
 
 def _from_q30(path: Path, read: Read) -> Float:

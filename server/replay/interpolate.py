@@ -11,7 +11,10 @@ from server.nav.types import Float, Int
 MAX_GAP_NS: Final = 50_000_000
 """Neighbours further apart than this are not interpolated: at 5 m/s² a straight line is then within 1.6 mm."""
 
-_GROUPS: Final = ((0, 4), (4, 7), (7, 10), (10, 19))  # attitude, position, velocity, standard deviations
+_GROUPS: Final = ((0, 4), (4, 6), (6, 7), (7, 9), (9, 10), (10, 13), (13, 15), (15, 16), (16, 18), (18, 19))
+"""Attitude, place, height, velocity level and down, then the standard deviations of each: known together or unknown."""
+
+_PLACE: Final = (4, 6)
 
 
 def sampled(at_ns: Int, t_ns: Int, data: Float) -> Float:
@@ -23,30 +26,22 @@ def sampled(at_ns: Int, t_ns: Int, data: Float) -> Float:
         at_ns: the stamps wanted.
         t_ns: shape (n,), ascending.
         data: shape (n, 10 or 19): quaternion, latitude, longitude, height, velocity NED, standard deviations. The
-            columns of a group are known together or taken as unknown.
+            columns of a group are known together or taken as unknown; a lane may know attitude or height alone.
     """
     out = np.full((len(at_ns), data.shape[1]), np.nan)
     for first, last in _GROUPS:
         if last <= data.shape[1]:
             known = np.isfinite(data[:, first:last]).all(axis=1)
-            if first == 4:  # a reference may know its height alone, or its place without a height
-                _fill_place(out, at_ns, t_ns, data)
-            elif known.any():
-                values = data[known, first:last]
-                out[:, first:last] = _between(at_ns, t_ns[known], _continuous(values) if first == 0 else values)
+            if known.any():
+                values = data[known, first:last].copy()
+                if first == 0:
+                    values = _continuous(values)
+                elif (first, last) == _PLACE:
+                    values[:, 1] = np.unwrap(values[:, 1], period=360.0)
+                out[:, first:last] = _between(at_ns, t_ns[known], values)
     norm = np.linalg.norm(out[:, :4], axis=1, keepdims=True)
     out[:, :4] /= np.where(norm > 0.0, norm, 1.0)
     return out
-
-
-def _fill_place(out: Float, at_ns: Int, t_ns: Int, data: Float) -> None:
-    for first, last in ((4, 6), (6, 7)):
-        known = np.isfinite(data[:, first:last]).all(axis=1)
-        if known.any():
-            values = data[known, first:last].copy()
-            if first == 4:
-                values[:, 1] = np.unwrap(values[:, 1], period=360.0)
-            out[:, first:last] = _between(at_ns, t_ns[known], values)
 
 
 def _continuous(q_nb: Float) -> Float:

@@ -14,8 +14,8 @@ from server.nav.types import VehicleClass
 from server.replay.errors import ReplayError, nearest
 
 VehicleName = Literal["multirotor", "fixed_wing", "car", "hand_held"]
-Finite = Annotated[float, Field(allow_inf_nan=False)]
-Positive = Annotated[float, Field(gt=0.0, allow_inf_nan=False)]
+Finite = Annotated[float, Field(strict=True, allow_inf_nan=False)]  # strict: neither text nor true is a number
+Positive = Annotated[float, Field(strict=True, gt=0.0, allow_inf_nan=False)]
 
 
 def _date(value: object) -> object:
@@ -47,9 +47,11 @@ class SiteIn(_Part):
     """`[site]`: origin of the local frame and date of the magnetic model."""
 
     lat_deg: float | None = Field(
-        default=None, ge=-90.0, le=90.0, description="geodetic latitude; absent = the first 3-D fix"
+        default=None, strict=True, ge=-90.0, le=90.0, description="geodetic latitude; absent = the first 3-D fix"
     )
-    lon_deg: float | None = Field(default=None, ge=-180.0, le=360.0, description="longitude; goes with lat_deg")
+    lon_deg: float | None = Field(
+        default=None, strict=True, ge=-180.0, le=360.0, description="longitude; goes with lat_deg"
+    )
     alt_m: Finite | None = Field(default=None, description="height in the input's own datum")
     date: Annotated[dt.date | dt.datetime | None, BeforeValidator(_date)] = Field(
         default=None, description="date of the magnetic model, ISO 8601; absent = WMM's own epoch, reported"
@@ -65,7 +67,7 @@ class SiteIn(_Part):
 class GnssIn(_Part):
     """`[gnss]`: the receiver."""
 
-    delay_s: float = Field(default=0.0, ge=-10.0, le=10.0, description="a row is valid at t_ns - delay_s")
+    delay_s: float = Field(default=0.0, strict=True, ge=-10.0, le=10.0, description="a row is valid at t_ns - delay_s")
     lever_arm_b_m: tuple[Finite, Finite, Finite] = Field(
         default=(0.0, 0.0, 0.0), description="from the IMU to the antenna, body FRD"
     )

@@ -3,10 +3,11 @@
 from __future__ import annotations
 
 import math
-from collections.abc import Iterable, Sequence
+from collections.abc import Iterable, Mapping, Sequence
 from dataclasses import fields, replace
 from typing import Any
 
+from server.lane_values import LaneValues, lane_values
 from server.nav.types import EngineSettings
 from server.replay.errors import ReplayError, nearest
 
@@ -44,6 +45,40 @@ def checked_lanes(lanes: Iterable[str]) -> tuple[str, ...]:
     if not names:
         raise ReplayError(f"no lane is given. Known: {', '.join(known_lanes())}, or all.")
     return names
+
+
+def values_from_texts(texts: Iterable[str]) -> LaneValues:
+    """Return lane → parameter → value of texts LANE.PARAMETER=VALUE.
+
+    Raises:
+        ReplayError: not of that form, no such lane or parameter, or outside its limits.
+    """
+    try:
+        values = lane_values(texts)
+    except ValueError as error:
+        raise ReplayError(f"--set {error}.") from None
+    return checked_values(values)
+
+
+def checked_values(values: Mapping[str, Mapping[str, float]]) -> LaneValues:
+    """Return the values as they are.
+
+    Raises:
+        ReplayError: there is no such lane or parameter, or a value is outside its limits.
+    """
+    from server.nav.lanes.registry import check_values
+
+    try:
+        for lane, own in values.items():
+            check_values(lane, own)
+    except ValueError as error:
+        raise ReplayError(f"--set: {error}.") from None
+    return {lane: dict(own) for lane, own in values.items()}
+
+
+def idle_values(values: Mapping[str, Mapping[str, float]], lanes: Sequence[str]) -> list[str]:
+    """Return a note for each lane of which something was set and which does not run."""
+    return [f"--set {lane}.…: this lane does not run, so nothing comes of it." for lane in values if lane not in lanes]
 
 
 def outage_from_text(text: str) -> Stretch:

@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 import time
-from collections.abc import Callable, Iterable, Iterator, Sequence
+from collections.abc import Callable, Iterable, Iterator, Mapping, Sequence
 from dataclasses import dataclass
 from pathlib import Path
 from typing import Any, Protocol
@@ -15,7 +15,7 @@ from server.replay.collect import Boot
 from server.replay.contract import LaneOut, SummaryOut, TimingOut
 from server.replay.csv_out import csv_lines, header_line
 from server.replay.errors import ReplayError
-from server.replay.options import checked_lanes, checked_outage, known_lanes, merged
+from server.replay.options import checked_lanes, checked_outage, checked_values, idle_values, known_lanes, merged
 from server.replay.output import SUMMARY, Output
 from server.replay.source import BLOCK_ROWS, LogInput, load
 
@@ -75,6 +75,7 @@ def replay(
     lanes: Sequence[str] | None = None,
     gnss_outages: Iterable[Sequence[float]] = (),
     nav_rate_hz: float | None = None,
+    lane_parameters: Mapping[str, Mapping[str, float]] | None = None,
     overrides: dict[str, Any] | None = None,
     overwrite: bool = False,
     block_rows: int = BLOCK_ROWS,
@@ -89,6 +90,7 @@ def replay(
         lanes: names of the lanes to run; None = all.
         gnss_outages: stretches (a, b) in seconds after the earliest t_ns of any file whose GNSS is withheld.
         nav_rate_hz: navigation steps a second; None = the default.
+        lane_parameters: lane → parameter → value, for what is not to be at its default.
         overrides: further fields of EngineSettings; they win over the log's own.
         overwrite: write into a directory that holds other files.
         block_rows: samples a call of the engine; the results do not depend on it.
@@ -101,7 +103,9 @@ def replay(
     begun, clock = time.perf_counter(), _Clock()
     with Output(out, log, overwrite=overwrite) as output:
         source = load(log)
-        chosen = {} if nav_rate_hz is None else {"nav_rate_hz": nav_rate_hz}
+        chosen: dict[str, Any] = {} if nav_rate_hz is None else {"nav_rate_hz": nav_rate_hz}
+        if lane_parameters is not None:
+            chosen["lane_parameters"] = checked_values(lane_parameters)
         told = {
             "lanes": checked_lanes(known_lanes() if lanes is None else lanes),
             "gnss_withheld_s": tuple(checked_outage(stretch) for stretch in gnss_outages),
@@ -189,7 +193,12 @@ def _summary(
         events=build.events_out(boots),
         timing=_Clock().timing(0.0, 0, 0.0),
         lanes=lanes,
-        notes=[*account.notes, *empty],
+        notes=[
+            *account.notes,
+            *idle_values(settings.lane_parameters, settings.lanes),
+            *build.date_notes(settings, boots),
+            *empty,
+        ],
     )
 
 

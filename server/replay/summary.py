@@ -9,6 +9,8 @@ from typing import Final
 
 import numpy as np
 
+from server.lane_values import changed_values
+from server.magnetic import WMM_FIRST_YEAR, WMM_LAST_YEAR
 from server.nav.types import Aid, AidStatus, EngineSettings, Event, Kind, SensorHealth, Site
 from server.replay.collect import Boot
 from server.replay.contract import (
@@ -25,6 +27,7 @@ from server.replay.options import Stretch
 from server.replay.score import compare, errors, outage
 from server.replay.source import LogInput
 
+YEAR_TOLERANCE: Final = 1e-6
 SETTLING_NS: Final = 30_000_000_000
 """The settled window begins this long after the first 3-D fix: the filter has then aligned and found its biases."""
 
@@ -46,6 +49,8 @@ def navdeck_version() -> str:
 
 def score_lane(boot: Boot, place: int, lane: str, stretches: Sequence[Stretch], t_origin_ns: int) -> LaneOut:
     """Return one lane's account: rows by status, and its errors where the log has a reference."""
+    from server.nav.lanes.registry import provides_of  # loads every kernel, as the engine did
+
     t_ns, data = boot.lane(lane)
     status = data[:, STATUS_COLUMN]
     words = {word: int((status == k).sum()) for k, word in enumerate(STATUS_WORDS)}
@@ -54,6 +59,8 @@ def score_lane(boot: Boot, place: int, lane: str, stretches: Sequence[Stretch], 
     settled = errors(found.within(boot.t_fix_ns + SETTLING_NS, 1 << 62)) if found and boot.t_fix_ns >= 0 else None
     return LaneOut(
         file=f"{stem(lane, place)}.csv",
+        provides=provides_of(lane),
+        failure=boot.failure(lane),
         boot_id=boot.boot_id,
         rows=len(t_ns),
         status_rows=words,
@@ -85,6 +92,7 @@ def settings_out(settings: EngineSettings) -> SettingsOut:
     return SettingsOut(
         nav_rate_hz=settings.nav_rate_hz,
         lanes=list(settings.lanes),
+        lane_parameters=changed_values(settings.lane_parameters),
         vehicle=settings.vehicle.name.lower(),
         gnss_delay_s=known(settings.gnss_delay_s),
         lever_arm_b_m=list(settings.lever_arm_b_m),
@@ -92,6 +100,22 @@ def settings_out(settings: EngineSettings) -> SettingsOut:
         gnss_outages_s=[(float(a), float(b)) for a, b in settings.gnss_withheld_s],
         t_origin_ns=settings.t_origin_ns if settings.t_origin_ns >= 0 else None,
     )
+
+
+def date_notes(settings: EngineSettings, boots: Iterable[Boot]) -> list[str]:
+    """Return a note for each date that the magnetic model does not cover: it was held at the nearest end."""
+    notes = []
+    for boot in boots:
+        told = settings.decimal_year if math.isfinite(settings.decimal_year) else boot.decimal_year
+        site = boot.snapshot.site if boot.snapshot is not None else None
+        if site is None or site.date_source not in {"settings", "board"}:
+            continue
+        if abs(told - site.decimal_year) > YEAR_TOLERANCE:
+            notes.append(
+                f"the date {told:.2f} is outside the magnetic model's life, {WMM_FIRST_YEAR:.1f} to "
+                f"{WMM_LAST_YEAR:.1f}: the field of {site.decimal_year:.2f} is used. Check the date, or update navdeck."
+            )
+    return list(dict.fromkeys(notes))
 
 
 def site_out(boots: Sequence[Boot]) -> SiteOut | None:

@@ -16,6 +16,7 @@ from websockets.asyncio.client import connect
 from websockets.exceptions import ConnectionClosed
 from websockets.typing import Subprotocol
 
+from server.problems import problem, refuse
 from server.view3d.guard import CameraReport, admit
 from server.view3d.page import CSP, SOCKET_PATH, ViewPage, build_page
 from server.view3d.view import HOP_BUFFER_BYTES, MAX_VIEWERS, View3D
@@ -28,7 +29,7 @@ SEND_TIMEOUT_S: Final = 5.0
 """A browser that takes nothing for this long is gone; until then viser waits and merges, so memory stays flat."""
 
 ROLES: Final = frozenset({"viewer", "operator"})
-POLICY_VIOLATION, PROTOCOL_ERROR, TRY_AGAIN = 1008, 1002, 1013
+POLICY_VIOLATION, TRY_AGAIN = 1008, 1013
 
 
 def router(view: View3D) -> APIRouter:
@@ -103,7 +104,9 @@ async def _serve(view: View3D, ws: WebSocket) -> None:
     if not _allowed(ws):
         await ws.close(POLICY_VIOLATION)
     elif protocol not in ws.scope.get("subprotocols", []):
-        await ws.close(PROTOCOL_ERROR)
+        detail = f"This WebSocket speaks {protocol} only, and the client did not offer that subprotocol."
+        body = problem(400, "subprotocol-needed", detail, "Load the 3D view again, at /view/ of this service.")
+        await refuse(body, ws.scope, ws.receive, ws.send)
     elif upstream_url is None or view.viewers >= MAX_VIEWERS:
         await ws.close(TRY_AGAIN)
     else:

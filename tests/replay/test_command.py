@@ -37,5 +37,7 @@ def test_without_a_terminal_nothing_is_drawn(board: Path, tmp_path: Path, capfd:
 def test_a_mistake_in_the_options_is_found_before_anything_is_read(tmp_path: Path) -> None:
     with pytest.raises(ReplayError, match="--gnss-outage"):
         replay_command(tmp_path / "nothing", tmp_path / "out", gnss_outage=["soon"])
+    with pytest.raises(ReplayError, match="no lane called x"):
+        replay_command(tmp_path / "nothing", tmp_path / "out", lane_values=["x.y=1"])
     with pytest.raises(ReplayError, match="Known: ins_ekf"):
         replay_command(tmp_path / "nothing", tmp_path / "out", lanes="x")

@@ -108,3 +108,16 @@ def test_what_is_no_log_is_refused_with_a_remedy(tmp_path: Path, name: str, says
         (tmp_path / file).write_bytes(b"not a log " * 100)
     with pytest.raises(ReplayError, match=says):
         load(tmp_path / name)
+
+
+@pytest.mark.parametrize("fix", ["9", "7", "-1", "2.5", "inf"])
+def test_a_fix_type_that_is_none_is_refused_with_its_stamp_and_the_known_ones(tmp_path: Path, fix: str) -> None:
+    rows = [(t, *[None] * 9, kind) for t, kind in ((10, "3"), (20, ""), (30, fix), (40, "6"))]
+    write_csv(tmp_path, "gnss", rows)
+    with pytest.raises(ReplayError, match=rf"fix_type, at t_ns 30: {fix} is no kind of fix.*6 fixed"):
+        FolderLog(tmp_path)
+
+
+def test_every_kind_of_fix_and_an_unknown_one_are_read(tmp_path: Path) -> None:
+    write_csv(tmp_path, "gnss", [(k, *[None] * 9, kind) for k, kind in enumerate(["", "nan", *range(7)])])
+    assert sum(len(block.t_ns) for block in FolderLog(tmp_path).blocks(100)) == 9

@@ -5,8 +5,9 @@ from __future__ import annotations
 import pytest
 
 from server.nav.engine import LANES
+from server.nav.lanes.registry import parameters_of
 from server.replay.errors import ReplayError
-from server.replay.options import checked_outage, lanes_from_text, merged, outage_from_text
+from server.replay.options import checked_outage, lanes_from_text, merged, outage_from_text, values_from_texts
 
 
 def test_lanes_are_named_or_all() -> None:
@@ -34,6 +35,21 @@ def test_an_outage_that_is_not_two_numbers_says_how_to_write_it(text: str) -> No
 def test_an_outage_that_is_no_stretch_is_refused(stretch: tuple[float, float]) -> None:
     with pytest.raises(ReplayError, match="0 ≤ A < B"):
         checked_outage(stretch)
+
+
+def test_a_parameter_is_lane_dot_name_equals_value_and_the_last_wins() -> None:
+    lane, one = next((lane, one) for lane in LANES for one in parameters_of(lane))
+    texts = [f"{lane}.{one.name}={one.minimum!r}", f" {lane} . {one.name} = {one.maximum!r} "]
+    assert values_from_texts(texts) == {lane: {one.name: one.maximum}}
+    assert values_from_texts([]) == {}
+
+
+@pytest.mark.parametrize(
+    "text", ["", "ins_ekf", "ins_ekf.x", "x=1", ".x=1", "ins_ekf.=1", "ins_ekf.x=", "ins_ekf.x=nan"]
+)
+def test_a_parameter_that_is_not_of_that_form_says_how_to_write_it(text: str) -> None:
+    with pytest.raises(ReplayError, match=r"LANE\.PARAMETER=VALUE|not a finite number"):
+        values_from_texts([text])
 
 
 def test_later_settings_win_and_an_unknown_one_is_refused() -> None:

@@ -10,6 +10,8 @@ from typing import Any
 
 import pytest
 
+from server.nav.engine import LANES
+from server.nav.lanes.registry import parameters_of, provides_of
 from server.replay.errors import ReplayError
 from server.replay.run import replay
 from tests.replay.sensor_folders import (
@@ -53,8 +55,8 @@ def cell(header: list[str], row: list[str], name: str) -> float:
 
 
 def test_every_lane_has_exactly_the_columns_of_the_contract(result: Path) -> None:
-    assert {path.name for path in result.iterdir()} == {"ins_ekf.csv", "onboard.csv", "reference.csv", "summary.json"}
-    for lane in ("ins_ekf", "onboard", "reference"):
+    assert {path.name for path in result.iterdir()} == {"summary.json", *(f"{lane}.csv" for lane in LANES)}
+    for lane in LANES:
         header, rows = read_csv(result / f"{lane}.csv")
         assert ",".join(header) == OUTPUT_HEADER
         assert all(len(row) == 27 for row in rows)
@@ -265,6 +267,78 @@ def test_a_lane_nobody_knows_writes_nothing(board: Path, tmp_path: Path) -> None
 def test_a_rate_that_cannot_be_is_refused(board: Path, tmp_path: Path, rate_hz: float) -> None:
     with pytest.raises(ReplayError, match="nav_rate_hz"):
         replay(board, tmp_path / "out", nav_rate_hz=rate_hz)
+
+
+def test_every_lane_says_what_it_provides_and_is_scored_on_that_alone(result: Path) -> None:
+    lanes = summary(result)["lanes"]
+    assert set(lanes) == set(LANES)
+    for name, lane in lanes.items():
+        assert (lane["provides"], lane["failure"]) == (provides_of(name), "")
+        whole = lane["whole"]
+        if whole is not None and lane["provides"] == "altitude":
+            assert whole["attitude_rad"] is whole["horizontal_m"] is whole["cover_3sigma"]["attitude"] is None
+            assert whole["vertical_m"]["rows"] > 0
+        if whole is not None and lane["provides"] == "attitude":
+            assert whole["horizontal_m"] is whole["vertical_m"] is whole["vel_n_m_s"] is None
+            assert whole["attitude_rad"]["rows"] > 0
+
+
+def test_a_parameter_that_is_set_reaches_its_lane_and_the_summary_names_it(
+    board: Path, result: Path, tmp_path: Path
+) -> None:
+    assert summary(result)["settings"]["lane_parameters"] == {}
+    tried = 0
+    for lane in LANES:
+        for one in parameters_of(lane)[:1]:
+            other = one.minimum if one.minimum != one.default else one.maximum
+            replay(board, tmp_path / lane, lanes=[lane], lane_parameters={lane: {one.name: other}})
+            assert summary(tmp_path / lane)["settings"]["lane_parameters"] == {lane: {one.name: other}}
+            tried += 1
+            if not math.isnan(one.default):
+                replay(board, tmp_path / "same", lanes=[lane], lane_parameters={lane: {one.name: one.default}})
+                assert summary(tmp_path / "same")["settings"]["lane_parameters"] == {}
+                assert (tmp_path / "same" / f"{lane}.csv").read_bytes() == (result / f"{lane}.csv").read_bytes()
+    assert tried
+
+
+@pytest.mark.parametrize(
+    ("values", "says"),
+    [
+        ({"nope": {"x": 1.0}}, "no lane called nope; there are: ins_ekf"),
+        ({"ins_ekf": {"no_such": 1.0}}, "no parameter no_such; there are:"),
+        ({"reference": {"x": 1.0}}, "no parameter x"),
+    ],
+)
+def test_a_parameter_that_cannot_be_is_refused_with_those_there_are(
+    board: Path, tmp_path: Path, values: dict[str, dict[str, float]], says: str
+) -> None:
+    with pytest.raises(ReplayError, match=says):
+        replay(board, tmp_path / "out", lane_parameters=values)
+    assert list(tmp_path.iterdir()) == []
+
+
+def test_a_value_outside_its_limits_is_refused_with_them(board: Path, tmp_path: Path) -> None:
+    lane, one = next((lane, one) for lane in LANES for one in parameters_of(lane))
+    with pytest.raises(ReplayError, match=f"outside {one.minimum:g} … {one.maximum:g}"):
+        replay(board, tmp_path / "out", lane_parameters={lane: {one.name: one.maximum + 1.0}})
+
+
+def test_what_is_set_of_a_lane_that_does_not_run_is_noted(board: Path, tmp_path: Path) -> None:
+    lane, one = next((lane, one) for lane in LANES for one in parameters_of(lane))
+    replay(board, tmp_path / "out", lanes=["reference"], lane_parameters={lane: {one.name: one.maximum}})
+    assert [note for note in summary(tmp_path / "out")["notes"] if lane in note]
+
+
+@pytest.mark.parametrize(("date", "used"), [("2035-01-01", 2030.0), ("2001-01-01", 2010.0)])
+def test_a_date_the_magnetic_model_does_not_cover_is_noted(tmp_path: Path, date: str, used: float) -> None:
+    folder = static_board(tmp_path / "folder", duration_s=3.0)
+    replay(folder, tmp_path / "fine", lanes=["ins_ekf"])
+    assert summary(tmp_path / "fine")["notes"] == []
+    (folder / "meta.toml").write_text(f"[site]\ndate = {date}\n")
+    replay(folder, tmp_path / "out", lanes=["ins_ekf"])
+    (note,) = summary(tmp_path / "out")["notes"]
+    assert f"the date {date[:4]}.00 is outside the magnetic model's life, 2010.0 to 2030.0" in note
+    assert summary(tmp_path / "out")["site"]["decimal_year"] == used
 
 
 def test_progress_only_grows_and_ends_at_one(board: Path, tmp_path: Path) -> None:

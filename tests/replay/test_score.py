@@ -174,3 +174,36 @@ def test_an_outage_reports_peak_end_and_sigmas_of_its_own_stretch() -> None:
     assert found.rows == 250
     assert found.peak_horizontal_m == found.end_horizontal_m == pytest.approx(9.96, rel=2e-6)
     assert found.peak_horizontal_sigmas == pytest.approx(4.98, rel=2e-6)
+
+
+@pytest.mark.parametrize("step_ms", [10, 100])  # the reference at the lane's stamps, and the lane at the reference's
+def test_a_lane_that_knows_altitude_alone_is_scored_on_that_alone(step_ms: int) -> None:
+    reference_ns, lane_ns = stamps(step_ms, 200), stamps(20, 999)
+    rows = np.full((len(lane_ns), len(LANE_COLUMNS)), np.nan)
+    rows[:, LANE_COLUMNS.index("alt_m")] = ALT_M + 2.0
+    rows[:, LANE_COLUMNS.index("vel_d_m_s")] = 0.5
+    rows[:, LANE_COLUMNS.index("sigma_pos_d_m")] = 1.0
+    found = errors(compare(lane_ns, rows, reference_ns, truth(reference_ns)))
+    assert found is not None
+    assert found.vertical_m.rms == pytest.approx(2.0)
+    assert found.vel_d_m_s.rms == pytest.approx(0.5)
+    assert found.cover_3sigma.vertical == 1.0
+    for name in ("attitude_rad", "heading_rad", "tilt_rad", "horizontal_m", "vel_n_m_s", "vel_e_m_s"):
+        assert getattr(found, name) is None, name
+    cover = found.cover_3sigma
+    assert cover.horizontal is cover.velocity is cover.attitude is found.sigma_ratio_horizontal is None
+    lost = outage(compare(lane_ns, rows, reference_ns, truth(reference_ns)), 0, (1.0, 2.0))
+    assert (lost.rows, lost.peak_horizontal_m, lost.end_horizontal_m, lost.end_attitude_rad) == (0, None, None, None)
+
+
+@pytest.mark.parametrize("step_ms", [10, 100])
+def test_a_lane_that_knows_attitude_alone_and_no_sigma_is_scored_on_that_alone(step_ms: int) -> None:
+    reference_ns, lane_ns = stamps(step_ms, 200), stamps(20, 999)
+    rows = lane(lane_ns, truth(lane_ns), sigma=math.nan)
+    rows[:, 4:10] = np.nan
+    rows[:, :4] = quat(0.7 * lane_ns / 1e9 + 0.01)
+    found = errors(compare(lane_ns, rows, reference_ns, truth(reference_ns)))
+    assert found is not None
+    assert found.heading_rad.rms == pytest.approx(0.01, rel=1e-4)
+    assert found.horizontal_m is found.vertical_m is found.vel_d_m_s is found.vertical_median_m is None
+    assert found.cover_3sigma.attitude is found.cover_3sigma.horizontal is None

@@ -12,6 +12,7 @@ from typing import Any
 import pytest
 from pymavlink.dialects.v20 import all as dialect
 
+from server.nav.engine import LANES
 from server.replay.errors import ReplayError
 from server.replay.run import replay
 from tests.replay.sensor_folders import OUTPUT_HEADER, SECOND_NS, read_csv
@@ -173,9 +174,7 @@ def test_a_reboot_in_the_log_starts_new_files_with_the_same_outcome(static_log: 
     replay(write_tlog(tmp_path / "twice.tlog", head + again), tmp_path / "twice")
     found = summary(tmp_path / "twice")
     assert found["log"]["boots"] == 2
-    assert set(found["lanes"]) == {
-        f"{lane}{boot}" for lane in ("ins_ekf", "onboard", "reference") for boot in ("", ".boot1")
-    }
+    assert set(found["lanes"]) == {f"{lane}{boot}" for lane in LANES for boot in ("", ".boot1")}
     _, once = read_csv(tmp_path / "once" / "ins_ekf.csv")
     _, second = read_csv(tmp_path / "twice" / "ins_ekf.boot1.csv")
     assert read_csv(tmp_path / "twice" / "ins_ekf.csv")[1] == once

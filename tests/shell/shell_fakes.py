@@ -1,13 +1,15 @@
 """A link, a protocol and an engine small enough to predict every row, and a service that runs on them.
 
 The protocol takes every byte as one IMU sample, 2 ms after the one before; byte 0xFF is a reboot, 0xEE a text, and 0xDD
-breaks the engine. The engine gives one row of `ins_ekf` for every tenth sample, whose columns count up from its number.
+breaks the engine. The engine gives one row of each of its estimators that is chosen (`ins_ekf` and `steady`) for every
+tenth sample, whose columns count up from its number.
 """
 
 import asyncio
 import contextlib
+import math
 import time
-from collections.abc import AsyncIterator, Callable
+from collections.abc import AsyncIterator, Callable, Mapping
 from dataclasses import dataclass, field, replace
 from typing import Any
 
@@ -20,6 +22,8 @@ from server.board import BoardParts
 from server.commands import AddBoard
 from server.link.base import Chunk, LinkState, LinkStatus
 from server.listener import listening_socket
+from server.nav.lanes.base import Parameter
+from server.nav.lanes.registry import LaneInfo
 from server.nav.types import (
     AID_COLUMNS,
     LANE_COLUMNS,
@@ -47,6 +51,13 @@ SAMPLE_NS = 2_000_000
 SAMPLES_PER_STEP = 10
 REBOOT, TEXT, BREAK = 0xFF, 0xEE, 0xDD
 STATUS_AT = LANE_COLUMNS.index("status")
+PARAMETERS = (
+    Parameter(name="gain_hz", unit="Hz", default=0.5, minimum=0.1, maximum=2.0, meaning="More follows faster."),
+    Parameter(name="window_s", unit="s", default=math.nan, minimum=1.0, maximum=10.0, meaning="More is smoother."),
+)
+LANES = {"ins_ekf": (), "steady": PARAMETERS, "onboard": (), "reference": ()}
+PROVIDES = {"steady": "attitude"}
+ESTIMATING = ("ins_ekf", "steady")
 
 
 class FakeLink:
@@ -138,6 +149,34 @@ class FakeEngine:
         self.t_ns = -1
         self.boot_id = 0
         self.status = LaneStatus.NAVIGATING
+        self.chosen: tuple[str, ...] = ("ins_ekf", "onboard", "reference")
+        self.values = {lane: {one.name: one.default for one in known} for lane, known in LANES.items()}
+        self.failures: dict[str, str] = {}
+
+    def lanes(self) -> tuple[LaneInfo, ...]:
+        return tuple(
+            LaneInfo(
+                name=name,
+                provides=PROVIDES.get(name, "full"),
+                running=name in self.chosen and name not in self.failures,
+                failure=self.failures.get(name, ""),
+                parameters=known,
+                values=dict(self.values[name]),
+            )
+            for name, known in LANES.items()
+        )
+
+    def choose_lanes(self, names: tuple[str, ...]) -> None:
+        if not names or len(set(names)) != len(names) or set(names) - set(LANES):
+            raise ValueError(f"lanes {', '.join(names)}: name at least one, each once")
+        self.chosen, self.failures = names, {}
+
+    def set_lane_parameters(self, lane: str, values: Mapping[str, float]) -> None:
+        self.values[lane] |= values
+        self.failures.pop(lane, None)
+
+    def _estimating(self) -> list[str]:
+        return [name for name in ESTIMATING if name in self.chosen and name not in self.failures]
 
     def step(self, block: SampleBlock) -> StepResult:
         if BREAK in block.data[:, 0]:
@@ -153,7 +192,7 @@ class FakeEngine:
         return StepResult(
             boot_id=block.boot_id,
             block=block,
-            lanes=(LaneRows(lane="ins_ekf", t_ns=t_ns, data=rows),),
+            lanes=tuple(LaneRows(lane=name, t_ns=t_ns, data=rows) for name in self._estimating()),
             aids=AidRows(t_ns=t_ns, data=np.repeat(at[:, None], len(AID_COLUMNS), axis=1).astype(float)),
             filtered=FilteredRows(t_ns=t_ns, data=np.zeros((len(at), len(STEP_COLUMNS)))),
             events=(Event(t_ns=0, code="born", severity="info", text="Born."),) if before == 0 < self.steps else (),
@@ -166,16 +205,19 @@ class FakeEngine:
         refused = ((AidStatus.REFUSED_GATE, 3),)
         last = tuple(map(float, range(len(AID_COLUMNS))))
         aid = AidHealth(aid=Aid.BARO_HEIGHT, fused=self.steps, refused=refused, t_fused_ns=self.t_ns, last=last)
-        lane = LaneState(
-            lane="ins_ekf",
-            provides="full",
-            t_ns=self.steps * SAMPLES_PER_STEP * SAMPLE_NS,
-            row=lane_row(self.steps, self.status),
+        lanes = tuple(
+            LaneState(
+                lane=name,
+                provides=PROVIDES.get(name, "full"),
+                t_ns=self.steps * SAMPLES_PER_STEP * SAMPLE_NS,
+                row=lane_row(self.steps, self.status),
+            )
+            for name in self._estimating()
         )
         return Snapshot(
             boot_id=self.boot_id,
             t_ns=self.t_ns,
-            lanes=(lane,) if self.steps else (),
+            lanes=lanes if self.steps else (),
             sensors=(imu,),
             aids=(aid,),
             site=None,

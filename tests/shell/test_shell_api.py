@@ -309,3 +309,14 @@ async def test_without_a_built_page_it_says_what_to_do(monkeypatch, tmp_path: Pa
         response = await run.client.get("/live")
         assert response.status_code == 200
         assert "./run" in response.text
+
+
+@pytest.mark.parametrize(
+    "path", ["/api/v1/boards", "/api/v1/info", "/healthz", "/metrics", "/docs", "/api/v1/boards/nobody", "/api/v1/none"]
+)
+async def test_head_is_answered_as_get_without_the_body(path: str) -> None:
+    async with running() as run:
+        got, head = await run.client.get(path), await run.client.head(path)
+        assert (head.status_code, head.content) == (got.status_code, b"")
+        assert head.headers["content-type"] == got.headers["content-type"]
+        assert head.headers.keys() >= got.headers.keys() - {"date"}

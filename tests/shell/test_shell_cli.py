@@ -98,6 +98,9 @@ def test_a_port_in_use_is_said_with_the_remedy(served) -> None:
         (["--link", "bogus"], "'bogus' is not a link"),
         (["--link", "sim:", "--link", "sim:"], "already uses this link"),
         (["--lane", "nothing", *QUIET], "nothing"),
+        (["--lane-parameter", "nothing.x=1", *QUIET], "no lane called nothing"),
+        (["--lane-parameter", "ins_ekf.no_such_thing=1", *QUIET], "no parameter no_such_thing"),
+        (["--lane-parameter", "ins_ekf", *QUIET], "LANE.PARAMETER=VALUE"),
         (["--config", "absent.toml"], "absent.toml"),
         (["serve", "--nav-rate-hz", "0"], "nav_rate_hz"),
         (["emulate", "absent.tlog"], "absent.tlog"),
@@ -146,3 +149,21 @@ def test_emulate_says_the_terminal_it_made(shared_data: Path) -> None:
         time.sleep(0.2)
         process.send_signal(signal.SIGINT)
         assert process.wait(10) == 0
+
+
+def test_a_token_that_can_be_guessed_is_warned_of_without_being_shown() -> None:
+    command = [*NAVDECK, "--port", "0", *QUIET]
+    environment = {**os.environ, "NAVDECK_TOKEN": "guess-me", "NAVDECK_VIEWER_TOKEN": "x" * 16}
+    with subprocess.Popen(command, stderr=subprocess.PIPE, text=True, env=environment) as process:
+        assert process.stderr is not None
+        lines = []
+        for line in process.stderr:
+            lines.append(line)
+            if LISTENING.search(line):
+                break
+        process.send_signal(signal.SIGTERM)
+        assert process.wait(10) == 0
+    warnings = [line for line in lines if "can be guessed" in line]
+    assert len(warnings) == 1
+    assert "the token has fewer than 16 characters" in warnings[0]
+    assert "guess-me" not in "".join(lines)

@@ -5,6 +5,10 @@ from pathlib import Path
 
 import pytest
 
+from server.lane_values import NAV_RATE_MAX_HZ, NAV_RATE_MIN_HZ
+from server.magnetic import wmm_field
+from server.nav.engine import NavEngine
+from server.nav.lanes.registry import LANES
 from server.nav.types import EngineSettings, VehicleClass
 from server.settings import Settings, SettingsError, flag_of, load_settings
 
@@ -48,6 +52,11 @@ def test_the_file_beside_is_read_before_the_one_at_home_and_a_named_one_before_b
         ("links", "[1", "Expecting"),
         ("lever_arm_b_m", "1,2", "required"),
         ("gyro_noise_rad_s_rthz", "0", "greater than 0"),
+        ("nav_rate_hz", "2000.5", "less than or equal to 2000"),
+        ("lane_parameters", "ins_ekf.x", "LANE.PARAMETER=VALUE"),
+        ("lane_parameters", "x=1", "LANE.PARAMETER=VALUE"),
+        ("lane_parameters", "ins_ekf.x=much", "not a finite number"),
+        ("lane_parameters", "ins_ekf.x=nan", "not a finite number"),
     ],
 )
 def test_a_refused_value_is_named_with_its_limit_its_place_and_the_remedy(
@@ -94,6 +103,35 @@ def test_lists_come_as_toml_lists_as_json_and_with_commas(monkeypatch, tmp_path:
     assert load_settings().settings.links == ("c:", "d:")
     monkeypatch.setenv("NAVDECK_LINKS", '["e:,f:"]')
     assert load_settings().settings.links == ("e:,f:",)
+
+
+def test_all_is_every_estimator_there_is() -> None:
+    settings = load_settings({"lanes": ["all"]}).settings
+    assert settings.lanes == LANES
+    assert settings.engine_settings().lanes == LANES
+
+
+def test_numbers_of_estimators_reach_the_engine_from_the_environment_the_file_and_flags(
+    monkeypatch, tmp_path: Path
+) -> None:
+    (tmp_path / "navdeck.toml").write_text('lane_parameters = ["a.b=1", "c.d=-2e-3"]')
+    want = {"a": {"b": 1.0}, "c": {"d": -2e-3}}
+    assert load_settings().settings.engine_settings().lane_parameters == want
+    monkeypatch.setenv("NAVDECK_LANE_PARAMETERS", "a.b=3, a.e_m=4")
+    assert load_settings().settings.engine_settings().lane_parameters == {"a": {"b": 3.0, "e_m": 4.0}}
+    flags = {"lane_parameters": ["a.b=5", "a.b=6"]}
+    assert load_settings(flags).settings.engine_settings().lane_parameters == {"a": {"b": 6.0}}
+
+
+def test_the_rate_of_steps_has_the_engines_own_limits() -> None:
+    for rate_hz in (NAV_RATE_MIN_HZ, NAV_RATE_MAX_HZ):
+        assert load_settings({"nav_rate_hz": rate_hz}).settings.nav_rate_hz == rate_hz
+        NavEngine(EngineSettings(nav_rate_hz=rate_hz), wmm_field)
+    for rate_hz in (0.999 * NAV_RATE_MIN_HZ, 1.001 * NAV_RATE_MAX_HZ):
+        with pytest.raises(SettingsError):
+            load_settings({"nav_rate_hz": rate_hz})
+        with pytest.raises(ValueError, match="nav_rate_hz"):
+            NavEngine(EngineSettings(nav_rate_hz=rate_hz), wmm_field)
 
 
 def test_an_empty_variable_is_as_if_it_were_not_there(monkeypatch) -> None:

@@ -7,8 +7,9 @@ import struct
 from typing import Any
 
 import numpy as np
-from websockets.asyncio.client import ClientConnection
-from websockets.exceptions import ConnectionClosed
+import pytest
+from websockets.asyncio.client import ClientConnection, connect
+from websockets.exceptions import ConnectionClosed, InvalidStatus
 
 from server.live import socket as live_socket
 from server.nav.types import LANE_COLUMNS, SAMPLE_COLUMNS, Kind
@@ -248,3 +249,16 @@ async def test_the_last_client_of_too_many_is_refused_with_a_problem(monkeypatch
         assert response.status_code == 503
         assert response.headers["content-type"] == "application/problem+json"
         assert response.json()["code"] == "too-many-clients"
+
+
+@pytest.mark.parametrize("offered", [None, ["viser-v0.0.1"]])
+async def test_the_3d_views_socket_without_its_subprotocol_is_refused_with_a_problem(offered: Any) -> None:
+    async with running(fake_settings(view3d=True)) as run:
+        with pytest.raises(InvalidStatus) as refused:
+            await connect(run.url.replace("http:", "ws:") + "/view/", subprotocols=offered, proxy=None)
+        response = refused.value.response
+        assert (response.status_code, response.headers["content-type"]) == (400, "application/problem+json")
+        problem = json.loads(response.body)
+        assert problem["code"] == "subprotocol-needed"
+        assert "viser-v" in problem["detail"]
+        assert problem["remedy"]

@@ -10,6 +10,7 @@ import pytest
 from server.board_view import BoardView
 from server.link.base import LinkState, LinkStatus
 from server.nav import health
+from server.nav.lanes.registry import LaneInfo
 from server.nav.types import (
     AID_COLUMNS,
     LANE_COLUMNS,
@@ -19,6 +20,7 @@ from server.nav.types import (
     LaneState,
     LaneStatus,
     SensorHealth,
+    Site,
     Snapshot,
 )
 from server.protocol.base import ProtocolStats
@@ -121,6 +123,44 @@ def test_each_trouble_is_said_with_its_severity(view: BoardView, severity: str, 
 )
 def test_an_aid_that_does_what_it_should_is_no_trouble(aid: AidHealth) -> None:
     assert judge(replace(WELL, snapshot=snapshot_of(aids=(aid,)))) == ()
+
+
+def lane_info(name: str, failure: str) -> LaneInfo:
+    return LaneInfo(name=name, provides="full", running=not failure, failure=failure, parameters=(), values={})
+
+
+@pytest.mark.parametrize(("name", "severity"), [("ins_ekf", "warning"), ("other", "caution")])
+def test_a_lane_that_was_put_aside_is_named_once_with_its_cause_and_remedy(name: str, severity: str) -> None:
+    failed = LaneState(lane=name, provides="full", t_ns=T_NS, row=lane_row(1, LaneStatus.FAILED), failure="E: x")
+    view = replace(WELL, lanes=("ins_ekf", "other"), lane_infos=(lane_info(name, "E: x"), lane_info("third", "E: y")))
+    (line,) = judge(replace(view, snapshot=snapshot_of(lanes=(failed,))))
+    assert (line.severity, line.code, line.subject) == (severity, "lane-put-aside", f"lane:{name}")
+    assert "E: x" in line.cause
+    assert "Choose it again" in line.remedy
+
+
+def test_of_a_lane_beside_the_main_one_only_its_failure_is_a_trouble() -> None:
+    for status, severities in ((LaneStatus.ALIGNING, []), (LaneStatus.FAILED, ["caution"])):
+        other = LaneState(lane="other", provides="full", t_ns=T_NS, row=lane_row(1, status))
+        view = replace(WELL, lanes=("ins_ekf", "other"), snapshot=snapshot_of(lanes=(*WELL.snapshot.lanes, other)))
+        assert [line.severity for line in judge(view)] == severities
+
+
+@pytest.mark.parametrize(
+    ("year", "source", "codes"),
+    [
+        (2030.0, "board", ["magnetic-model-date"]),
+        (2010.0, "settings", ["magnetic-model-date"]),
+        (2029.9, "board", []),
+        (2025.0, "model-epoch", []),
+    ],
+)
+def test_a_date_beyond_the_magnetic_model_is_said(year: float, source: str, codes: list[str]) -> None:
+    site = Site(
+        lat_deg=47.0, lon_deg=8.0, alt_m=0.0, gravity_m_s2=9.8, declination_rad=0.0, field_n_gauss=(0.2, 0.0, 0.4),
+        decimal_year=year, date_source=source,
+    )  # fmt: skip
+    assert [line.code for line in judge(replace(WELL, snapshot=snapshot_of(site=site)))] == codes
 
 
 def test_the_worst_comes_first() -> None:

@@ -5,7 +5,7 @@ from __future__ import annotations
 import math
 from typing import Final
 
-from server.nav.codes import ATTITUDE
+from server.nav.codes import ATTITUDE, CAR
 from server.nav.ekf.aiding.mag import observe
 from server.nav.ekf.blocks import switch_mag_on
 from server.nav.ekf.layout import (
@@ -31,6 +31,7 @@ from server.nav.ekf.layout import (
     PAR_ACCEL_BIAS_SIGMA,
     PAR_MAG_BIAS_SIGMA,
     PAR_MAG_NOISE,
+    PAR_VEHICLE,
     U_ACCEL_MEAN,
     U_DT,
     U_GYRO_MEAN,
@@ -62,6 +63,7 @@ REST_S: Final = 2.0  # S0 §3.1.2 averages 50 to 100 samples at 50 Hz
 PATIENCE_S: Final = 5.0  # then the mean of a moving board must do: in flight rest may never come
 PATIENCE_AGAIN_S: Final = 1.0  # after a hole in the data: there was motion before it, and a person waits
 STILL_GYRO_RAD_S: Final = 0.02  # spread of step means; a hand or a running motor is past it
+IDLING_GYRO_RAD_S: Final = 0.05  # a car may stand with its engine on
 STILL_ACCEL_M_S2: Final = 0.25
 STILL_RATE_RAD_S: Final = 0.09  # 5 °/s: larger than a MEMS gyro's bias at power-up
 STILL_GRAVITY_M_S2: Final = 0.6
@@ -75,12 +77,13 @@ GYRO_BIAS_SIGMA_MOVING_RAD_S: Final = 0.02
 GYRO_BIAS_SIGMA_AGAIN_RAD_S: Final = 2e-3
 
 
-@kernel("boolean(float64[::1], float64[::1], int64[::1], float64)")
-def rest(u: Float, aux: Float, ctl: Int, gravity_m_s2: float) -> bool:
+@kernel("boolean(float64[::1], float64[::1], float64[::1], int64[::1], float64)")
+def rest(u: Float, par: Float, aux: Float, ctl: Int, gravity_m_s2: float) -> bool:
     """Update the running spread of rate and specific force; return whether the board looks still."""
     blend = min(1.0, u[U_DT] / STILL_BLEND_S)
     still = True
     norm2 = 0.0
+    gyro = IDLING_GYRO_RAD_S if par[PAR_VEHICLE] == CAR else STILL_GYRO_RAD_S
     for i in range(3):
         dg = u[U_GYRO_MEAN + i] - aux[A_GYRO_MEAN + i]
         da = u[U_ACCEL_MEAN + i] - aux[A_ACCEL_MEAN + i]
@@ -88,7 +91,7 @@ def rest(u: Float, aux: Float, ctl: Int, gravity_m_s2: float) -> bool:
         aux[A_ACCEL_MEAN + i] += blend * da
         aux[A_GYRO_VAR + i] += blend * (dg * dg - aux[A_GYRO_VAR + i])
         aux[A_ACCEL_VAR + i] += blend * (da * da - aux[A_ACCEL_VAR + i])
-        still = still and aux[A_GYRO_VAR + i] < STILL_GYRO_RAD_S**2 and aux[A_ACCEL_VAR + i] < STILL_ACCEL_M_S2**2
+        still = still and aux[A_GYRO_VAR + i] < gyro * gyro and aux[A_ACCEL_VAR + i] < STILL_ACCEL_M_S2**2
         still = still and abs(aux[A_GYRO_MEAN + i]) < STILL_RATE_RAD_S
         norm2 += aux[A_ACCEL_MEAN + i] ** 2
     still = still and abs(math.sqrt(norm2) - gravity_m_s2) < STILL_GRAVITY_M_S2
@@ -235,7 +238,7 @@ def align(x: Float, P: Float, u: Float, par: Float, aux: Float, ctl: Int, work: 
         aux[A_T_START] = u[U_T]
         for i in range(3):
             aux[A_GYRO_MEAN + i], aux[A_ACCEL_MEAN + i] = u[U_GYRO_MEAN + i], u[U_ACCEL_MEAN + i]
-    still = rest(u, aux, ctl, gravity_here(x, aux, ctl))
+    still = rest(u, par, aux, ctl, gravity_here(x, aux, ctl))
     if not still:
         restart(aux, ctl)
         if (u[U_T] - aux[A_T_START]) * 1e-9 < (PATIENCE_AGAIN_S if ctl[C_ALIGNED_BEFORE] else PATIENCE_S):

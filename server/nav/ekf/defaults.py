@@ -31,7 +31,7 @@ GENERAL: Final = NoiseDefaults(gyro_noise_rad_s_rthz=3e-4, accel_noise_m_s2_rthz
 OF_CLASS: Final[dict[int, NoiseDefaults]] = {
     MULTIROTOR: NoiseDefaults(gyro_noise_rad_s_rthz=4e-4, accel_noise_m_s2_rthz=0.005),
     FIXED_WING: NoiseDefaults(gyro_noise_rad_s_rthz=2e-3, accel_noise_m_s2_rthz=0.1),
-    CAR: NoiseDefaults(gyro_noise_rad_s_rthz=5e-4, accel_noise_m_s2_rthz=0.05),
+    CAR: NoiseDefaults(gyro_noise_rad_s_rthz=1.5e-3, accel_noise_m_s2_rthz=0.05),  # engine vibration aliases
 }
 
 GATE_SIGMA: Final = 5.0

@@ -15,10 +15,11 @@ from server.nav.codes import (
     MAG_FIELD,
     REFUSED_GATE,
     REFUSED_NOT_READY,
+    WHEELS,
     ZERO_RATE,
     ZERO_VELOCITY,
 )
-from server.nav.ekf.aiding import baro, gnss, mag, still
+from server.nav.ekf.aiding import baro, gnss, mag, still, wheels
 from server.nav.ekf.aiding.first_heading import course_heading, late_heading, tells_heading
 from server.nav.ekf.events import add_event
 from server.nav.ekf.layout import (
@@ -58,6 +59,7 @@ WORST_START_M: Final = 50.0
 # Directly named, because compiled code resolves attributes of modules only at the top level.
 gnss_position, gnss_velocity, gnss_reset = gnss.position, gnss.velocity, gnss.reset_position
 baro_height, mag_field = baro.height, mag.field
+car_wheels = wheels.wheels
 zero_velocity, zero_rate, gravity = still.zero_velocity, still.zero_rate, still.gravity
 
 
@@ -185,6 +187,8 @@ def handle(
         baro_height(h, x, P, u, par, aux, ctl, work)
     elif aid == ZERO_VELOCITY:
         zero_velocity(h, x, P, u, par, aux, ctl, work)
+    elif aid == WHEELS:
+        car_wheels(h, x, P, u, par, aux, ctl, work)
     if h[H_STATUS] == UNDECIDED:
         h[H_STATUS] = REFUSED_NOT_READY
     if h[H_STATUS] == FUSED:

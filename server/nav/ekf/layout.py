@@ -128,7 +128,8 @@ A_SITE: Final = 44  # (3) latitude rad, longitude rad, height m
 A_T_RATE: Final = 47  # last zero-rate update, ns
 A_GNSS_WANDER_VAR: Final = 48  # slow error of an ordinary receiver that no innovation shows, m² per axis
 A_T_RESET: Final = 49  # validity of the GNSS position that last set the state, ns
-A_SIZE: Final = 50
+A_T_WHEELS: Final = 50  # last zero lateral velocity of a car, ns
+A_SIZE: Final = 51
 
 # Scratch, so that nothing is allocated in a step.
 W_U: Final = 0  # (18) input of the covariance prediction

@@ -5,7 +5,7 @@ from __future__ import annotations
 import math
 from typing import Final
 
-from server.nav.codes import CAR, GRAVITY, HAND_HELD, ZERO_RATE, ZERO_VELOCITY
+from server.nav.codes import CAR, GRAVITY, HAND_HELD, WHEELS, ZERO_RATE, ZERO_VELOCITY
 from server.nav.ekf.align import rest
 from server.nav.ekf.history import attach
 from server.nav.ekf.layout import (
@@ -14,6 +14,7 @@ from server.nav.ekf.layout import (
     A_T_GRAVITY,
     A_T_RATE,
     A_T_STILL,
+    A_T_WHEELS,
     C_POSITIONED,
     C_STILL_STEPS,
     H_ACC,
@@ -32,6 +33,7 @@ from server.nav.kernel import kernel
 from server.nav.types import Float, Int
 
 PSEUDO_INTERVAL_NS: Final = 1e8  # ten a second: the board's sway is correlated for about that long
+WHEELS_INTERVAL_NS: Final = 2e8
 REST_BEFORE_ZERO_S: Final = 1.0
 STILL_SPEED_M_S: Final = 0.15
 ZERO_VELOCITY_M_S: Final = 0.05  # a vehicle that stands still sways on its legs or springs
@@ -71,7 +73,11 @@ def pseudo_measurements(
     the receiver's speed, or without receiver a velocity that the filter itself holds for zero.
     """
     t = u[U_T]
-    rest(u, aux, ctl, gravity_here(x, aux, ctl))
+    rest(u, par, aux, ctl, gravity_here(x, aux, ctl))
+    if ctl[C_POSITIONED] and par[PAR_VEHICLE] == CAR and t - aux[A_T_WHEELS] >= WHEELS_INTERVAL_NS:
+        aux[A_T_WHEELS] = t
+        _pseudo(h, u, WHEELS)
+        dirty = attach(h, dirty, t, ctl, work, r_u, r_m, r_n, aids, aid_t)
     if not ctl[C_POSITIONED] and t - aux[A_T_GRAVITY] >= PSEUDO_INTERVAL_NS:
         aux[A_T_GRAVITY] = t
         _pseudo(h, u, GRAVITY)

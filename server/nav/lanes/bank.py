@@ -113,6 +113,11 @@ class LaneBank:
         """Return why a lane was put aside; "" when it was not."""
         return self._failures.get(name, "")
 
+    def covariance(self, name: str) -> tuple[int, Float] | None:
+        """Return (t_ns, P) of a running lane that has a method of that name; else None."""
+        method = getattr(self._running.get(name), "covariance", None)
+        return method() if method is not None else None
+
     def info(self) -> tuple[LaneInfo, ...]:
         """Return every lane there is, with its parameters as they are set."""
         return tuple(

@@ -169,7 +169,7 @@ class InsEkf:
         self._aux, self._ctl = np.zeros(at.A_SIZE), np.zeros(at.C_SIZE, dtype=np.int64)
         for index in (at.A_T_GNSS, at.A_T_GNSS_SEEN, at.A_T_START):
             self._aux[index] = at.NEVER_NS
-        for index in (at.A_T_RESET, at.A_T_MAG, at.A_T_BARO, at.A_T_STILL, at.A_T_RATE, at.A_T_GRAVITY):
+        for index in (at.A_T_RESET, at.A_T_MAG, at.A_T_BARO, at.A_T_STILL, at.A_T_RATE, at.A_T_GRAVITY, at.A_T_WHEELS):
             self._aux[index] = at.NEVER_NS
         self._aux[at.A_K_POS] = self._aux[at.A_K_VEL] = self._aux[at.A_K_BARO] = self._aux[at.A_K_MAG] = 1.0
         self._aux[at.A_GNSS_INTERVAL] = 1.0

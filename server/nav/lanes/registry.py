@@ -7,11 +7,31 @@ from collections.abc import Callable, Mapping
 from dataclasses import dataclass
 from typing import Final
 
+from server.nav.lanes.ahrs_fixed_gain import AhrsFixedGain
+from server.nav.lanes.altitude_complementary import AltitudeComplementary
+from server.nav.lanes.altitude_inertial import AltitudeInertial
+from server.nav.lanes.altitude_kalman import AltitudeKalman
 from server.nav.lanes.base import Lane, LaneContext, Parameter, Provides
+from server.nav.lanes.complementary import Complementary
+from server.nav.lanes.complementary_1 import Complementary1
+from server.nav.lanes.dmp import Dmp
 from server.nav.lanes.ins_ekf import InsEkf
+from server.nav.lanes.kalman_angle_bias import KalmanAngleBias
+from server.nav.lanes.nav_position import NavPosition
+from server.nav.lanes.vqf import Vqf
 
 ESTIMATORS: Final[dict[str, type[Lane]]] = {
     "ins_ekf": InsEkf,
+    "complementary_1": Complementary1,
+    "kalman_angle_bias": KalmanAngleBias,
+    "dmp": Dmp,
+    "complementary": Complementary,
+    "ahrs_fixed_gain": AhrsFixedGain,
+    "nav_position": NavPosition,
+    "altitude_complementary": AltitudeComplementary,
+    "altitude_inertial": AltitudeInertial,
+    "altitude_kalman": AltitudeKalman,
+    "vqf": Vqf,
 }
 """Lanes that compute; the main lane first."""
 REPEATERS: Final[dict[str, Provides]] = {"onboard": "full", "reference": "full"}

@@ -90,6 +90,52 @@ export interface paths {
         patch?: never;
         trace?: never;
     };
+    "/api/v1/boards/{board_id}/lanes": {
+        parameters: {
+            query?: never;
+            header?: never;
+            path?: never;
+            cookie?: never;
+        };
+        /**
+         * Get Lanes
+         * @description Return every estimator there is: whether it runs, and its parameters with limits, meaning and value.
+         */
+        get: operations["get_lanes_api_v1_boards__board_id__lanes_get"];
+        /**
+         * Put Lanes
+         * @description Run these estimators from the next step on and no others; those that run go on undisturbed.
+         *
+         *     The choice outlives a reconnection and a reboot of the board. One that failed starts again.
+         */
+        put: operations["put_lanes_api_v1_boards__board_id__lanes_put"];
+        post?: never;
+        delete?: never;
+        options?: never;
+        head?: never;
+        patch?: never;
+        trace?: never;
+    };
+    "/api/v1/boards/{board_id}/lanes/{lane}/parameters": {
+        parameters: {
+            query?: never;
+            header?: never;
+            path?: never;
+            cookie?: never;
+        };
+        get?: never;
+        put?: never;
+        post?: never;
+        delete?: never;
+        options?: never;
+        head?: never;
+        /**
+         * Patch Parameters
+         * @description Change numbers of one estimator, running or not, from its next step on; its state stays.
+         */
+        patch: operations["patch_parameters_api_v1_boards__board_id__lanes__lane__parameters_patch"];
+        trace?: never;
+    };
     "/api/v1/boards/{board_id}/nav": {
         parameters: {
             query?: never;
@@ -324,10 +370,32 @@ export interface components {
              * @description "fused", "refused-gate", …; "" before the first
              */
             last_status: string;
+            /** Nis High */
+            nis_high: number | null;
+            /**
+             * Nis Low
+             * @description two-sided 95 % chi-square bound of the mean, autocorrelation taken into account
+             */
+            nis_low: number | null;
+            /**
+             * Nis Mean
+             * @description innovation² over its variance, mean per component over a minute; 1 = consistent
+             */
+            nis_mean: number | null;
+            /**
+             * Nis Samples
+             * @description measurements in the window
+             */
+            nis_samples: number;
             /** Refused */
             refused: components["schemas"]["CountOut"][];
             /** Test Ratio */
             test_ratio: number | null;
+            /**
+             * Verdict
+             * @enum {string}
+             */
+            verdict: "over-confident" | "conservative" | "consistent" | "too-few";
         };
         /**
          * BoardIn
@@ -400,7 +468,10 @@ export interface components {
              * @description board time of the newest sample; -1 before the first
              */
             t_ns: number;
-            /** Topics */
+            /**
+             * Topics
+             * @description those that are fed now; a lane has its own once it is chosen
+             */
             topics: components["schemas"]["TopicOut"][];
             /** Url */
             url: string;
@@ -429,6 +500,52 @@ export interface components {
              * @enum {string}
              */
             state: "ok" | "caution" | "problem";
+        };
+        /**
+         * ConsistencyOut
+         * @description One windowed chi-square test of the main lane's state errors against the reference, or of the lane as a whole.
+         */
+        ConsistencyOut: {
+            /**
+             * Effective
+             * @description independent squared components that they are worth
+             */
+            effective: number;
+            /**
+             * Group
+             * @description "lane" is the verdict over state errors and innovations together: the worst of them
+             * @enum {string}
+             */
+            group: "attitude" | "velocity" | "position" | "lane";
+            /** High */
+            high: number | null;
+            /** Lane */
+            lane: string;
+            /**
+             * Low
+             * @description two-sided 95 % chi-square bound of the mean, autocorrelation taken into account
+             */
+            low: number | null;
+            /**
+             * Mean
+             * @description squared error over published variance, mean per component; 1 = consistent
+             */
+            mean: number | null;
+            /**
+             * Reason
+             * @description what decided; "" when nothing speaks against it
+             */
+            reason: string;
+            /**
+             * Samples
+             * @description epochs in the window of the last minute
+             */
+            samples: number;
+            /**
+             * Verdict
+             * @enum {string}
+             */
+            verdict: "over-confident" | "conservative" | "consistent" | "too-few";
         };
         /**
          * CountOut
@@ -557,6 +674,11 @@ export interface components {
             board_id: string;
             /** Boot Id */
             boot_id: number;
+            /**
+             * Consistency
+             * @description of the main lane: state groups that have a reference, then "lane"; empty while it does not run
+             */
+            consistency: components["schemas"]["ConsistencyOut"][];
             engine: components["schemas"]["EngineOut"];
             /**
              * Events
@@ -623,6 +745,41 @@ export interface components {
             view3d: boolean;
         };
         /**
+         * LaneChoiceOut
+         * @description One estimator there is, whether it runs or not.
+         */
+        LaneChoiceOut: {
+            /**
+             * Chosen
+             * @description it was asked for
+             */
+            chosen: boolean;
+            /**
+             * Failure
+             * @description why it was put aside; "" when it was not
+             */
+            failure: string;
+            /** Name */
+            name: string;
+            /** Parameters */
+            parameters: components["schemas"]["ParameterOut"][];
+            /**
+             * Provides
+             * @enum {string}
+             */
+            provides: "full" | "attitude" | "altitude";
+            /**
+             * Running
+             * @description it was asked for and has not failed
+             */
+            running: boolean;
+            /**
+             * Status
+             * @description its newest; null when it does not run or had no step yet
+             */
+            status: ("aligning" | "attitude" | "navigating" | "dead_reckoning" | "failed") | null;
+        };
+        /**
          * LaneOut
          * @description One estimator and its state in short.
          */
@@ -631,6 +788,11 @@ export interface components {
             age_s: number | null;
             /** Dead Reckoning S */
             dead_reckoning_s: number | null;
+            /**
+             * Failure
+             * @description why it was put aside; "" when it was not
+             */
+            failure: string;
             /** Lane */
             lane: string;
             /**
@@ -656,6 +818,34 @@ export interface components {
             status: "aligning" | "attitude" | "navigating" | "dead_reckoning" | "failed";
             /** T Ns */
             t_ns: number;
+        };
+        /**
+         * LanesIn
+         * @description The estimators to run from the next step on: those that run go on, new ones start from nothing.
+         */
+        LanesIn: {
+            /**
+             * Lanes
+             * @description each once; the first is the main one; all others are switched off
+             */
+            lanes: string[];
+        };
+        /**
+         * LanesOut
+         * @description Every estimator there is; the first of the chosen ones is the main one.
+         */
+        LanesOut: {
+            /** Board Id */
+            board_id: string;
+            /**
+             * Chosen
+             * @description in the order asked for
+             */
+            chosen: string[];
+            /** Lanes */
+            lanes: components["schemas"]["LaneChoiceOut"][];
+            /** Main Lane */
+            main_lane: string;
         };
         /**
          * LinkOut
@@ -840,6 +1030,54 @@ export interface components {
              * @description clockwise from true north, 0 to 2π
              */
             yaw_rad: number | null;
+        };
+        /**
+         * ParameterOut
+         * @description One number of an estimator that may be changed while it runs.
+         */
+        ParameterOut: {
+            /**
+             * Default
+             * @description null = the vehicle class's own
+             */
+            default: number | null;
+            /**
+             * Maximum
+             * @description itself allowed
+             */
+            maximum: number;
+            /**
+             * Meaning
+             * @description what it does and which way to turn it
+             */
+            meaning: string;
+            /**
+             * Minimum
+             * @description itself allowed
+             */
+            minimum: number;
+            /**
+             * Name
+             * @description ends in its unit
+             */
+            name: string;
+            /**
+             * Unit
+             * @description as shown to people; "" for a pure number
+             */
+            unit: string;
+            /**
+             * Value
+             * @description as it is set; null = the vehicle class's own
+             */
+            value: number | null;
+        };
+        /**
+         * ParametersIn
+         * @description Values by name, null = back to the default; what is not named stays, and nothing is changed if one is refused.
+         */
+        ParametersIn: {
+            [key: string]: number | null;
         };
         /**
          * PingIn
@@ -1157,6 +1395,9 @@ export interface components {
         /**
          * StreamErrorOut
          * @description A request on the socket that could not be met; the socket stays open. id 0 = no id could be read.
+         *
+         *     With the code lane-not-running the subscription waits: it gives rows as soon as that lane is switched on. This also
+         *     comes unasked, when it is switched off.
          */
         StreamErrorOut: {
             /** Id */
@@ -1193,6 +1434,8 @@ export interface components {
         /**
          * SubscribedOut
          * @description The subscription stands; rows of a binary topic have these columns after t_ns.
+         *
+         *     Comes again, unasked, when the lane of this subscription was switched on.
          */
         SubscribedOut: {
             /** Columns */
@@ -1756,6 +1999,297 @@ export interface operations {
                     "application/problem+json": components["schemas"]["Problem"];
                 };
             };
+            /** @description Conflict */
+            409: {
+                headers: {
+                    [name: string]: unknown;
+                };
+                content: {
+                    "application/problem+json": components["schemas"]["Problem"];
+                };
+            };
+            /** @description Request Entity Too Large */
+            413: {
+                headers: {
+                    [name: string]: unknown;
+                };
+                content: {
+                    "application/problem+json": components["schemas"]["Problem"];
+                };
+            };
+            /** @description Unprocessable Entity */
+            422: {
+                headers: {
+                    [name: string]: unknown;
+                };
+                content: {
+                    "application/problem+json": components["schemas"]["Problem"];
+                };
+            };
+            /** @description Too Many Requests */
+            429: {
+                headers: {
+                    [name: string]: unknown;
+                };
+                content: {
+                    "application/problem+json": components["schemas"]["Problem"];
+                };
+            };
+            /** @description Internal Server Error */
+            500: {
+                headers: {
+                    [name: string]: unknown;
+                };
+                content: {
+                    "application/problem+json": components["schemas"]["Problem"];
+                };
+            };
+        };
+    };
+    get_lanes_api_v1_boards__board_id__lanes_get: {
+        parameters: {
+            query?: never;
+            header?: never;
+            path: {
+                board_id: string;
+            };
+            cookie?: never;
+        };
+        requestBody?: never;
+        responses: {
+            /** @description Successful Response */
+            200: {
+                headers: {
+                    [name: string]: unknown;
+                };
+                content: {
+                    "application/json": components["schemas"]["LanesOut"];
+                };
+            };
+            /** @description Unauthorized */
+            401: {
+                headers: {
+                    [name: string]: unknown;
+                };
+                content: {
+                    "application/problem+json": components["schemas"]["Problem"];
+                };
+            };
+            /** @description Forbidden */
+            403: {
+                headers: {
+                    [name: string]: unknown;
+                };
+                content: {
+                    "application/problem+json": components["schemas"]["Problem"];
+                };
+            };
+            /** @description Not Found */
+            404: {
+                headers: {
+                    [name: string]: unknown;
+                };
+                content: {
+                    "application/problem+json": components["schemas"]["Problem"];
+                };
+            };
+            /** @description Request Entity Too Large */
+            413: {
+                headers: {
+                    [name: string]: unknown;
+                };
+                content: {
+                    "application/problem+json": components["schemas"]["Problem"];
+                };
+            };
+            /** @description Unprocessable Entity */
+            422: {
+                headers: {
+                    [name: string]: unknown;
+                };
+                content: {
+                    "application/problem+json": components["schemas"]["Problem"];
+                };
+            };
+            /** @description Too Many Requests */
+            429: {
+                headers: {
+                    [name: string]: unknown;
+                };
+                content: {
+                    "application/problem+json": components["schemas"]["Problem"];
+                };
+            };
+            /** @description Internal Server Error */
+            500: {
+                headers: {
+                    [name: string]: unknown;
+                };
+                content: {
+                    "application/problem+json": components["schemas"]["Problem"];
+                };
+            };
+        };
+    };
+    put_lanes_api_v1_boards__board_id__lanes_put: {
+        parameters: {
+            query?: never;
+            header?: never;
+            path: {
+                board_id: string;
+            };
+            cookie?: never;
+        };
+        requestBody: {
+            content: {
+                "application/json": components["schemas"]["LanesIn"];
+            };
+        };
+        responses: {
+            /** @description Successful Response */
+            200: {
+                headers: {
+                    [name: string]: unknown;
+                };
+                content: {
+                    "application/json": components["schemas"]["LanesOut"];
+                };
+            };
+            /** @description Unauthorized */
+            401: {
+                headers: {
+                    [name: string]: unknown;
+                };
+                content: {
+                    "application/problem+json": components["schemas"]["Problem"];
+                };
+            };
+            /** @description Forbidden */
+            403: {
+                headers: {
+                    [name: string]: unknown;
+                };
+                content: {
+                    "application/problem+json": components["schemas"]["Problem"];
+                };
+            };
+            /** @description Not Found */
+            404: {
+                headers: {
+                    [name: string]: unknown;
+                };
+                content: {
+                    "application/problem+json": components["schemas"]["Problem"];
+                };
+            };
+            /** @description Conflict */
+            409: {
+                headers: {
+                    [name: string]: unknown;
+                };
+                content: {
+                    "application/problem+json": components["schemas"]["Problem"];
+                };
+            };
+            /** @description Request Entity Too Large */
+            413: {
+                headers: {
+                    [name: string]: unknown;
+                };
+                content: {
+                    "application/problem+json": components["schemas"]["Problem"];
+                };
+            };
+            /** @description Unprocessable Entity */
+            422: {
+                headers: {
+                    [name: string]: unknown;
+                };
+                content: {
+                    "application/problem+json": components["schemas"]["Problem"];
+                };
+            };
+            /** @description Too Many Requests */
+            429: {
+                headers: {
+                    [name: string]: unknown;
+                };
+                content: {
+                    "application/problem+json": components["schemas"]["Problem"];
+                };
+            };
+            /** @description Internal Server Error */
+            500: {
+                headers: {
+                    [name: string]: unknown;
+                };
+                content: {
+                    "application/problem+json": components["schemas"]["Problem"];
+                };
+            };
+        };
+    };
+    patch_parameters_api_v1_boards__board_id__lanes__lane__parameters_patch: {
+        parameters: {
+            query?: never;
+            header?: never;
+            path: {
+                lane: string;
+                board_id: string;
+            };
+            cookie?: never;
+        };
+        requestBody: {
+            content: {
+                "application/json": components["schemas"]["ParametersIn"];
+            };
+        };
+        responses: {
+            /** @description Successful Response */
+            200: {
+                headers: {
+                    [name: string]: unknown;
+                };
+                content: {
+                    "application/json": components["schemas"]["LanesOut"];
+                };
+            };
+            /** @description Unauthorized */
+            401: {
+                headers: {
+                    [name: string]: unknown;
+                };
+                content: {
+                    "application/problem+json": components["schemas"]["Problem"];
+                };
+            };
+            /** @description Forbidden */
+            403: {
+                headers: {
+                    [name: string]: unknown;
+                };
+                content: {
+                    "application/problem+json": components["schemas"]["Problem"];
+                };
+            };
+            /** @description Not Found */
+            404: {
+                headers: {
+                    [name: string]: unknown;
+                };
+                content: {
+                    "application/problem+json": components["schemas"]["Problem"];
+                };
+            };
+            /** @description Conflict */
+            409: {
+                headers: {
+                    [name: string]: unknown;
+                };
+                content: {
+                    "application/problem+json": components["schemas"]["Problem"];
+                };
+            };
             /** @description Request Entity Too Large */
             413: {
                 headers: {
@@ -1836,6 +2370,15 @@ export interface operations {
             };
             /** @description Not Found */
             404: {
+                headers: {
+                    [name: string]: unknown;
+                };
+                content: {
+                    "application/problem+json": components["schemas"]["Problem"];
+                };
+            };
+            /** @description Conflict */
+            409: {
                 headers: {
                     [name: string]: unknown;
                 };

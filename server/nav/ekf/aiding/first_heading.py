@@ -36,7 +36,7 @@ from server.nav.kernel import kernel
 from server.nav.rotation import matrix_entries
 from server.nav.types import Float, Int
 
-COURSE_SPEED_M_S: Final = 3.0  # below it the course of a receiver is noise
+EXACT_SPEED_M_S: Final = 0.5  # a receiver of centimetres a second
 
 
 @kernel(
@@ -69,7 +69,7 @@ def tells_heading(h: Float, par: Float, ctl: Int) -> bool:
     """Without a magnetometer, a vehicle that can only move forward shows its heading by its course."""
     if ctl[C_HAS_HEADING] or ctl[C_MAG_SEEN] or par[PAR_VEHICLE] == MULTIROTOR or h[H_STATUS] != UNDECIDED:
         return False
-    return bool(math.hypot(h[H_DATA], h[H_DATA + 1]) > max(COURSE_SPEED_M_S, 10.0 * h[H_ACC]))
+    return bool(math.hypot(h[H_DATA], h[H_DATA + 1]) > max(EXACT_SPEED_M_S, 10.0 * h[H_ACC]))
 
 
 @kernel("void(float64[::1], float64[::1], float64[::1], int64[::1], float64[:, ::1])")

@@ -1,0 +1,50 @@
+"""What a board is made of, as it sees it: a link, a protocol and an engine, and how to make each."""
+
+from __future__ import annotations
+
+from collections.abc import Callable, Mapping
+from dataclasses import dataclass
+from typing import TYPE_CHECKING, Protocol
+
+from server.link.base import Link
+from server.nav.types import SampleBlock, Snapshot, StepResult
+from server.protocol.base import BoardProtocol
+from server.traffic import Detect
+
+if TYPE_CHECKING:
+    from server.nav.lanes.registry import LaneInfo  # importing it loads every kernel
+
+
+class Engine(Protocol):
+    """What a board needs of `server.nav.engine.NavEngine`."""
+
+    def step(self, block: SampleBlock) -> StepResult:
+        """Take samples; return everything they produced."""
+        ...
+
+    def snapshot(self) -> Snapshot:
+        """Return the newest state of everything."""
+        ...
+
+    def lanes(self) -> tuple[LaneInfo, ...]:
+        """Return every lane there is, with its parameters as they are set."""
+        ...
+
+    def choose_lanes(self, names: tuple[str, ...]) -> None:
+        """Run these lanes from the next step on; `ValueError` for names that cannot be."""
+        ...
+
+    def set_lane_parameters(self, lane: str, values: Mapping[str, float]) -> None:
+        """Change parameters from the next step on; `ValueError`, and nothing changed, for what a lane does not take."""
+        ...
+
+
+@dataclass(frozen=True, slots=True, kw_only=True)
+class BoardParts:
+    """How to make the parts of a board: a link for every connection, protocol and engine when it starts afresh."""
+
+    link: Callable[[], Link]
+    protocol: Callable[[], BoardProtocol]
+    engine: Callable[[], Engine]
+    detect: Detect = lambda _data, _url: None
+    observe_latency: Callable[[float], None] = lambda _latency_s: None
