@@ -38,6 +38,7 @@ GRAVITY: Final = int(Aid.GRAVITY)
 AIRSPEED_AID: Final = int(Aid.AIRSPEED)
 SIDESLIP: Final = int(Aid.SIDESLIP)
 WHEELS: Final = int(Aid.WHEELS)
+YAW: Final = int(Aid.YAW)
 
 ALIGNING: Final = int(LaneStatus.ALIGNING)
 ATTITUDE: Final = int(LaneStatus.ATTITUDE)

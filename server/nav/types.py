@@ -200,6 +200,7 @@ class Aid(IntEnum):
     GRAVITY = 8
     GNSS_COURSE = 9
     WHEELS = 10  # a car neither slides sideways nor jumps
+    YAW = 11  # heading from accelerations against GNSS velocities
 
 
 class AidStatus(IntEnum):

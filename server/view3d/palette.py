@@ -15,10 +15,40 @@ Rgb = tuple[int, int, int]
 THEMES: Final = ("dark", "light")
 
 LANE_RGB: Final[dict[str, dict[str, Rgb]]] = {
-    "dark": {"ins_ekf": (86, 180, 233), "onboard": (230, 159, 0), "reference": (238, 95, 217)},
-    "light": {"ins_ekf": (0, 114, 178), "onboard": (168, 100, 0), "reference": (179, 18, 159)},
+    "dark": {
+        "ins_ekf": (89, 160, 249),
+        "complementary": (156, 244, 206),
+        "nav_position": (240, 225, 80),
+        "onboard": (222, 150, 50),
+        "reference": (222, 80, 175),
+        "complementary_1": (34, 240, 253),
+        "kalman_angle_bias": (226, 70, 50),
+        "dmp": (164, 107, 245),
+        "ahrs_fixed_gain": (226, 253, 132),
+        "vqf": (174, 174, 174),
+        "altitude_complementary": (228, 158, 34),
+        "altitude_inertial": (129, 220, 255),
+        "altitude_kalman": (122, 119, 186),
+    },
+    "light": {
+        "ins_ekf": (30, 85, 160),
+        "complementary": (0, 132, 116),
+        "nav_position": (122, 116, 36),
+        "onboard": (125, 70, 11),
+        "reference": (160, 20, 140),
+        "complementary_1": (21, 144, 161),
+        "kalman_angle_bias": (160, 70, 50),
+        "dmp": (105, 40, 176),
+        "ahrs_fixed_gain": (115, 135, 55),
+        "vqf": (58, 58, 58),
+        "altitude_complementary": (121, 96, 6),
+        "altitude_inertial": (29, 72, 124),
+        "altitude_kalman": (188, 96, 225),
+    },
 }
-"""Colours of the lanes, the page's `--lane-…` tokens; colour-blind-safe [Okabe and Ito 2008], reference magenta."""
+"""Colours of the lanes, the same as on the page (`web/src/ui/lanes.ts`). Within each kind of lane (full, attitude,
+altitude; the page tells kinds apart by solid, dashed and dotted lines) they stay apart for colour-blind eyes too: a test
+of the page simulates them. The reference is magenta."""
 
 SPARE_RGB: Final[tuple[Rgb, ...]] = ((0, 158, 115), (213, 94, 0), (240, 228, 66), (150, 120, 210), (140, 140, 140))
 """For lanes without a fixed colour, chosen by their name."""

@@ -6,7 +6,7 @@ from pathlib import Path
 import numpy as np
 import pytest
 from scipy.spatial.transform import Rotation
-from vqf import VQF
+from vqf import VQF  # type: ignore[import-untyped]  # it ships stubs, but no py.typed
 
 from server.nav.engine import NavEngine
 from server.nav.types import EngineSettings, Kind, SampleBlock

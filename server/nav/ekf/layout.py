@@ -91,7 +91,8 @@ C_REFUSED_RUN: Final = 13  # GNSS fixes refused in a row
 C_STEPS: Final = 14
 C_OVERFLOW: Final = 15
 C_ALIGNED_BEFORE: Final = 16
-C_SIZE: Final = 17
+C_BANK_HEADING: Final = 17  # the heading was set from the yaw bank
+C_SIZE: Final = 18
 
 # … and numbers.
 A_DECLINATION: Final = 0  # rad
@@ -129,7 +130,8 @@ A_T_RATE: Final = 47  # last zero-rate update, ns
 A_GNSS_WANDER_VAR: Final = 48  # slow error of an ordinary receiver that no innovation shows, m² per axis
 A_T_RESET: Final = 49  # validity of the GNSS position that last set the state, ns
 A_T_WHEELS: Final = 50  # last zero lateral velocity of a car, ns
-A_SIZE: Final = 51
+A_T_ASTRAY: Final = 51  # since when the yaw bank contradicts the heading, ns; NEVER_NS when it does not
+A_SIZE: Final = 52
 
 # Scratch, so that nothing is allocated in a step.
 W_U: Final = 0  # (18) input of the covariance prediction
@@ -154,6 +156,7 @@ E_FAILED: Final = 6
 E_GAP: Final = 7  # s
 E_HEADING: Final = 8  # rad
 E_COURSE: Final = 9  # rad
+E_BANK: Final = 10  # rad turned, sigma rad
 E_SIZE: Final = 4
 
 SLOT_MEASUREMENTS: Final = 16

@@ -3,6 +3,7 @@ import type {
   BoardsOut,
   DoctorOut,
   InfoOut,
+  LanesOut,
   PortsOut,
   Problem,
   SessionOut,
@@ -86,6 +87,12 @@ export const api = {
     const query = new URLSearchParams({ topic, seconds: String(seconds) });
     return (await ask("GET", `boards/${id(boardId)}/history?${query}`)).arrayBuffer();
   },
+  lanes: (boardId: string) => request<LanesOut>("GET", `boards/${id(boardId)}/lanes`),
+  chooseLanes: (boardId: string, lanes: readonly string[]) =>
+    request<LanesOut>("PUT", `boards/${id(boardId)}/lanes`, { lanes }),
+  /** Null = back to the default. */
+  setParameters: (boardId: string, lane: string, values: Readonly<Record<string, number | null>>) =>
+    request<LanesOut>("PATCH", `boards/${id(boardId)}/lanes/${id(lane)}/parameters`, values),
   ports: () => request<PortsOut>("GET", "ports"),
   settings: () => request<SettingsOut>("GET", "settings"),
   doctor: () => request<DoctorOut>("GET", "doctor"),
