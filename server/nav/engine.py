@@ -22,7 +22,7 @@ from server.nav.lanes.base import LaneContext
 from server.nav.lanes.passthrough import SOURCE, merged, repeat
 from server.nav.lanes.registry import LANES, LaneInfo, provides_of
 from server.nav.nees import NeesBook
-from server.nav.parts import Part, join, join_aids
+from server.nav.parts import Part, empty_block, join, join_aids
 from server.nav.preprocess.accumulate import accumulate
 from server.nav.preprocess.filtered import filtered_rows
 from server.nav.preprocess.memory import S_MAG_SCALE, new_memory
@@ -106,6 +106,15 @@ class NavEngine:
                 self._configure(Kind(int(block.kind[cut])), block.data[cut])
             begin = cut + 1
         return self._collect(block, parts)
+
+    def finish(self) -> StepResult:
+        """End the power-up: return the rows of the lanes that need all of it (`lanes.registry.AFTERWARDS`).
+
+        Nothing may be stepped after it but another power-up.
+        """
+        part = Part()
+        part.results = self._bank.finish(max(self._t_ns, self._t0_ns))
+        return self._collect(empty_block(self._boot_id), [part])
 
     def _start(self, t0_ns: int) -> None:
         """Build the lanes: the kernels count time from the first sample."""
@@ -249,7 +258,7 @@ class NavEngine:
     def _collect(self, block: SampleBlock, parts: list[Part]) -> StepResult:
         """Join what the parts gave and keep the newest of everything for the snapshot."""
         results = [result for part in parts for result in part.results]
-        names = dict.fromkeys(r.rows.lane for r in results)
+        names = dict.fromkeys(r.rows.lane for r in results if len(r.rows.t_ns))
         rows = [join([r.rows for r in results if r.rows.lane == name]) for name in names]
         rows += [repeat(name, block, self._finder.site) for name in SOURCE if name in self._bank.chosen]
         lanes = tuple(r for r in rows if r is not None)

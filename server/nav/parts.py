@@ -5,7 +5,7 @@ from __future__ import annotations
 import numpy as np
 
 from server.nav.lanes.base import LaneResult
-from server.nav.types import AID_COLUMNS, STEP_COLUMNS, AidRows, Event, LaneRows
+from server.nav.types import AID_COLUMNS, ROW_WIDTH, STEP_COLUMNS, AidRows, Event, LaneRows, SampleBlock
 
 
 class Part:
@@ -36,3 +36,11 @@ def join_aids(rows: list[AidRows]) -> AidRows:
     if not rows:
         return AidRows(t_ns=np.empty(0, dtype=np.int64), data=np.empty((0, len(AID_COLUMNS))))
     return AidRows(t_ns=np.concatenate([r.t_ns for r in rows]), data=np.concatenate([r.data for r in rows]))
+
+
+def empty_block(boot_id: int) -> SampleBlock:
+    """Return a block of no samples."""
+    none = np.empty(0, dtype=np.int64)
+    return SampleBlock(
+        kind=np.empty(0, dtype=np.uint8), t_ns=none, t_rx_ns=none, data=np.empty((0, ROW_WIDTH)), boot_id=boot_id
+    )

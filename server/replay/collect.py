@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import math
+from collections.abc import Callable
 from dataclasses import dataclass, field
 from typing import Final
 
@@ -83,6 +84,11 @@ class Boot:
             pair = result.aids.data[:, [_AID, _STATUS]].astype(np.int64)
             np.add.at(self.aids, (pair[:, 0], pair[:, 1]), 1)
         self.events.extend(result.events)
+
+    def close(self, result: StepResult, snapshot: Callable[[], Snapshot]) -> None:
+        """Keep what came out at the end of the power-up, and the engine's account after it."""
+        self.add_result(result)
+        self.snapshot = snapshot()
 
     def lane(self, name: str) -> tuple[Int, Float]:
         """Return every row of a lane: stamps, and data as in LANE_COLUMNS."""

@@ -164,6 +164,7 @@ class TimingOut(_Out):
 
     read_s: float = Field(description="opening, reading and decoding the log")
     engine_s: float = Field(description="inside the engine's step, and nothing else")
+    finish_s: float = Field(description="lanes that need the whole recording (smoother), at its end")
     score_s: float = Field(description="comparing with the reference")
     write_s: float = Field(description="formatting and writing the lane files")
     total_s: float

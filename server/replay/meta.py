@@ -67,7 +67,13 @@ class SiteIn(_Part):
 class GnssIn(_Part):
     """`[gnss]`: the receiver."""
 
-    delay_s: float = Field(default=0.0, strict=True, ge=-10.0, le=10.0, description="a row is valid at t_ns - delay_s")
+    delay_s: float | None = Field(
+        default=None,
+        strict=True,
+        ge=-10.0,
+        le=10.0,
+        description="a row is valid at t_ns - delay_s; absent = found from the innovations",
+    )
     lever_arm_b_m: tuple[Finite, Finite, Finite] = Field(
         default=(0.0, 0.0, 0.0), description="from the IMU to the antenna, body FRD"
     )
@@ -104,8 +110,9 @@ class MetaIn(_Part):
 
     def overrides(self) -> dict[str, Any]:
         """Return the fields of EngineSettings this file sets; a folder's delays are 0 unless it says otherwise."""
-        found: dict[str, Any] = {"imu_delay_s": 0.0, "mag_delay_s": 0.0, "baro_delay_s": 0.0}
-        found |= {"gnss_delay_s": self.gnss.delay_s, "lever_arm_b_m": self.gnss.lever_arm_b_m}
+        found: dict[str, Any] = {"imu_delay_s": 0.0, "baro_delay_s": 0.0, "lever_arm_b_m": self.gnss.lever_arm_b_m}
+        if self.gnss.delay_s is not None:
+            found["gnss_delay_s"] = self.gnss.delay_s
         found |= {f"use_{name}": value for name, value in self.aids.model_dump().items()}
         found |= {name: value for name, value in self.imu.model_dump().items() if value is not None}
         site = self.site.model_dump(exclude={"date"})

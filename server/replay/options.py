@@ -15,10 +15,10 @@ Stretch = tuple[float, float]
 
 
 def known_lanes() -> tuple[str, ...]:
-    """Return the names of every lane the engine has."""
-    from server.nav.engine import LANES
+    """Return the names of every lane that a recording can be run through."""
+    from server.nav.lanes.registry import RECORDED_LANES
 
-    return LANES
+    return RECORDED_LANES
 
 
 def lanes_from_text(text: str) -> tuple[str, ...]:
@@ -66,11 +66,11 @@ def checked_values(values: Mapping[str, Mapping[str, float]]) -> LaneValues:
     Raises:
         ReplayError: there is no such lane or parameter, or a value is outside its limits.
     """
-    from server.nav.lanes.registry import check_values
+    from server.nav.lanes.registry import RECORDED_LANES, check_values
 
     try:
         for lane, own in values.items():
-            check_values(lane, own)
+            check_values(lane, own, RECORDED_LANES)
     except ValueError as error:
         raise ReplayError(f"--set: {error}.") from None
     return {lane: dict(own) for lane, own in values.items()}

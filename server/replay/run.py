@@ -27,6 +27,10 @@ class Engine(Protocol):
         """Take a block of samples; return every row it produced."""
         ...
 
+    def finish(self) -> StepResult:
+        """End a power-up; return the rows of the lanes that need all of it."""
+        ...
+
     def snapshot(self) -> Snapshot:
         """Return the newest state of everything."""
         ...
@@ -41,6 +45,7 @@ class _Clock:
 
     read_s: float = 0.0
     engine_s: float = 0.0
+    finish_s: float = 0.0
     score_s: float = 0.0
     write_s: float = 0.0
 
@@ -50,6 +55,7 @@ class _Clock:
         return TimingOut(
             read_s=self.read_s,
             engine_s=self.engine_s,
+            finish_s=self.finish_s,
             score_s=self.score_s,
             write_s=self.write_s,
             total_s=total_s,
@@ -132,7 +138,7 @@ def _run(
     for block in _timed(source.blocks(block_rows), clock):
         if not boots or boots[-1].boot_id != block.boot_id:
             if boots:
-                boots[-1].snapshot = engine.snapshot()
+                _end(boots[-1], engine, clock)
             boots.append(Boot(boot_id=block.boot_id))
         boots[-1].add_block(block)
         start = time.perf_counter()
@@ -142,8 +148,15 @@ def _run(
         if progress is not None:
             progress(source.fraction())
     if boots:
-        boots[-1].snapshot = engine.snapshot()
+        _end(boots[-1], engine, clock)
     return boots
+
+
+def _end(boot: Boot, engine: Engine, clock: _Clock) -> None:
+    """Take what the lanes say at the end of a power-up."""
+    start = time.perf_counter()
+    boot.close(engine.finish(), engine.snapshot)
+    clock.finish_s += time.perf_counter() - start
 
 
 def _timed(blocks: Iterator[SampleBlock], clock: _Clock) -> Iterator[SampleBlock]:

@@ -61,7 +61,7 @@ function hex(rgb: string): string {
 describe("lane colours", () => {
   it("are those of the 3D view in both themes", () => {
     for (const name of ["dark", "light"] as const) {
-      const line = new RegExp(`^ {4}"${name}": \\{("ins_ekf".*)\\},`, "m").exec(palette)?.[1] ?? "";
+      const line = new RegExp(`^ {4}"${name}": \\{\\n([^}]*"ins_ekf"[^}]*)\\}`, "m").exec(palette)?.[1] ?? "";
       const found = [...line.matchAll(/"(\w+)": \(([\d, ]+)\)/g)].map((match) => [
         match[1],
         hex(match[2] ?? ""),

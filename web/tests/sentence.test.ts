@@ -8,6 +8,7 @@ const LANE: LaneOut = {
   lane: "ins_ekf",
   provides: "full",
   status: "navigating",
+  failure: "",
   t_ns: 0,
   age_s: 0,
   sigma_heading_rad: 0.01,

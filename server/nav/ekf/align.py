@@ -261,8 +261,8 @@ def align(x: Float, P: Float, u: Float, par: Float, aux: Float, ctl: Int, work: 
     return _done(x, P, par, aux, ctl, work)
 
 
-@kernel("void(float64[::1], float64[::1], float64)")
-def set_heading(x: Float, P: Float, angle_rad: float) -> None:
-    """Turn the heading by an angle after which it is known to a few degrees, uncorrelated with everything else."""
+@kernel("void(float64[::1], float64[::1], float64, float64)")
+def set_heading(x: Float, P: Float, angle_rad: float, sigma_rad: float) -> None:
+    """Turn the heading by an angle after which it is known to sigma_rad, uncorrelated with everything else."""
     turn_about_down(x, P, angle_rad)
-    reset_axis(P, ATT + 2, HEADING_SIGMA_RAD**2)
+    reset_axis(P, ATT + 2, sigma_rad * sigma_rad)

@@ -21,7 +21,7 @@ class NoiseDefaults:
     accel_noise_m_s2_rthz: float
     gyro_bias_walk_rad_s2_rthz: float = 1e-4  # a ramp of 0.05 °/s a minute, as power-up warming gives, stays inside
     accel_bias_walk_m_s3_rthz: float = 3e-4
-    mag_noise_gauss: float = 0.008
+    mag_noise_gauss: float = 0.01
     declination_sigma_rad: float = math.radians(0.5)  # WMM's own error, regionally [WMM2025 report, table 10]
     baro_noise_m: float = 0.3
     gravity_noise_m_s2: float = 0.5
@@ -42,8 +42,10 @@ GNSS_CORRELATION: Final = (
 BARO_DRIFT_M_RTS: Final = 0.02  # weather and cabin pressure: 0.15 m in a minute
 FIELD_WALK_GAUSS_RTS: Final = 9e-5  # crustal anomalies met on the way: 0.1° of half a gauss in 100 s
 FIELD_SIGMA: Final = 0.05  # strength: anomalies and the sensor's own scale
-MAG_BIAS_SIGMA_GAUSS: Final = 0.005  # left by an ordinary calibration
-MAG_BIAS_WALK_GAUSS_RTS: Final = 1e-4  # currents and temperature: 1 mG in 100 s
+MAG_BIAS_SIGMA_GAUSS: Final = 0.004  # left by an ordinary calibration
+MAG_BIAS_WALK_GAUSS_RTS: Final = 2e-5  # temperature: 0.2 mG in 100 s; what currents do is noise
+MAG_TIMING_S: Final = 0.03  # magnetometers are read at 10 to 100 Hz and averaged
+MAG_TIMING_TOLD_S: Final = 0.005  # when the delay was measured
 WIND_SIGMA_M_S: Final = 8.0  # per axis; the mean wind over land is about 6 m/s
 WIND_WALK_M_S_RTS: Final = 0.1  # gusts pass, the mean changes by 1 m/s in 100 s
 HISTORY_S: Final = 1.0  # longest delay that can still be fused at its own time

@@ -6,6 +6,7 @@ import math
 from typing import Final
 
 from server.nav.codes import (
+    AIRSPEED_AID,
     BARO_HEIGHT,
     DEAD_RECKONING,
     FUSED,
@@ -15,12 +16,15 @@ from server.nav.codes import (
     MAG_FIELD,
     REFUSED_GATE,
     REFUSED_NOT_READY,
+    SIDESLIP,
     WHEELS,
+    YAW,
     ZERO_RATE,
     ZERO_VELOCITY,
 )
-from server.nav.ekf.aiding import baro, gnss, mag, still, wheels
+from server.nav.ekf.aiding import airspeed, baro, gnss, mag, still, wheels
 from server.nav.ekf.aiding.first_heading import course_heading, late_heading, tells_heading
+from server.nav.ekf.aiding.yaw import bank_heading
 from server.nav.ekf.events import add_event
 from server.nav.ekf.layout import (
     A_T_GNSS,
@@ -60,6 +64,7 @@ WORST_START_M: Final = 50.0
 gnss_position, gnss_velocity, gnss_reset = gnss.position, gnss.velocity, gnss.reset_position
 baro_height, mag_field = baro.height, mag.field
 car_wheels = wheels.wheels
+true_airspeed, wing_sideslip = airspeed.airspeed, airspeed.sideslip
 zero_velocity, zero_rate, gravity = still.zero_velocity, still.zero_rate, still.gravity
 
 
@@ -168,6 +173,8 @@ def handle(
     clear_record(work)
     if aid == GNSS_POSITION:
         _position(h, x, P, u, par, aux, ctl, work, events)
+    elif aid == YAW:
+        bank_heading(h, x, P, ctl, work, events)
     elif aid == MAG_FIELD:
         if ctl[C_HAS_HEADING] and h[H_STATUS] != RESET:
             mag_field(h, x, P, u, par, aux, ctl, work)
@@ -187,6 +194,10 @@ def handle(
         baro_height(h, x, P, u, par, aux, ctl, work)
     elif aid == ZERO_VELOCITY:
         zero_velocity(h, x, P, u, par, aux, ctl, work)
+    elif aid == AIRSPEED_AID:
+        true_airspeed(h, x, P, u, par, aux, ctl, work)
+    elif aid == SIDESLIP:
+        wing_sideslip(h, x, P, u, par, aux, ctl, work)
     elif aid == WHEELS:
         car_wheels(h, x, P, u, par, aux, ctl, work)
     if h[H_STATUS] == UNDECIDED:

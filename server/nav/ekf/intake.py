@@ -6,6 +6,8 @@ import math
 from typing import Final
 
 from server.nav.codes import (
+    AIRSPEED,
+    AIRSPEED_AID,
     ALIGNING,
     BARO,
     BARO_HEIGHT,
@@ -17,6 +19,7 @@ from server.nav.codes import (
     MAG_FIELD,
     REFUSED_NOT_READY,
 )
+from server.nav.ekf.aiding.yaw import heading_due
 from server.nav.ekf.handle import clear_record, record
 from server.nav.ekf.history import attach
 from server.nav.ekf.layout import (
@@ -26,6 +29,7 @@ from server.nav.ekf.layout import (
     A_MAG_SUM,
     A_MAG_WEIGHT,
     A_SPEED_GNSS,
+    A_T_AIRSPEED,
     A_T_GNSS,
     A_T_GNSS_SEEN,
     A_T_MAG,
@@ -35,6 +39,7 @@ from server.nav.ekf.layout import (
     H_ACC,
     H_AID,
     H_DATA,
+    H_FLOOR,
     H_SHIFT,
     H_SIZE,
     H_STATUS,
@@ -51,13 +56,18 @@ from server.nav.ekf.layout import (
     PAR_MAG_DELAY,
     UNDECIDED,
 )
+from server.nav.ekf.yaw_bank import bank_velocity
 from server.nav.kernel import kernel
 from server.nav.types import Float, Int
 
 MAG_INTERVAL_NS: Final = 40e6  # field noise of a vehicle is correlated longer than this: more samples add no knowledge
+AIRSPEED_INTERVAL_NS: Final = 9e7  # a pitot tube's errors last longer: more samples add no knowledge
 UNKNOWN_H_ACC_M: Final = 2.5  # single-frequency receiver in the open
 UNKNOWN_V_ACC_M: Final = 5.0
 UNKNOWN_S_ACC_M_S: Final = 0.3
+UNKNOWN_FLOOR_M: Final = 0.3
+UNKNOWN_FLOOR_M_S: Final = 0.1
+"""A receiver that does not say how good it is smooths its fixes: small innovations prove nothing below these."""
 WANDER_SHARE: Final = 0.7
 """Share of a stand-alone receiver's reported accuracy (68 % of the horizontal error) that is common to fixes of the
 same minutes, per axis: ionosphere, orbits and multipath. The filter follows it, so it shows as what the innovations
@@ -87,6 +97,7 @@ def position_row(h: Float, m: Float) -> None:
     """Fill a GNSS position row: latitude, longitude rad, height m, and standard deviations m."""
     h[H_DATA] = math.radians(m[M_DATA])
     h[H_DATA + 1] = math.radians(m[M_DATA + 1])
+    h[H_FLOOR] = 0.0 if math.isfinite(m[M_DATA + 6]) else UNKNOWN_FLOOR_M
     h[H_ACC] = h[H_ACC + 1] = _known(m[M_DATA + 6], UNKNOWN_H_ACC_M, MIN_ACC_M)
     h[H_ACC + 2] = _known(m[M_DATA + 7], UNKNOWN_V_ACC_M, MIN_ACC_M)
 
@@ -96,6 +107,7 @@ def velocity_row(h: Float, m: Float) -> None:
     """Fill a GNSS velocity row: NED m/s and standard deviations m/s."""
     for i in range(3):
         h[H_DATA + i] = m[M_DATA + 3 + i]
+        h[H_FLOOR] = 0.0 if math.isfinite(m[M_DATA + 8]) else UNKNOWN_FLOOR_M_S
         h[H_ACC + i] = _known(m[M_DATA + 8], UNKNOWN_S_ACC_M_S, MIN_ACC_M_S)
 
 
@@ -114,13 +126,17 @@ def _note_gnss(m: Float, t_valid: float, aux: Float) -> None:
 
 
 @kernel(
-    "int64(float64[::1], int64, float64, float64[::1], float64[::1], int64[::1], float64[::1], float64[:, ::1],"
-    " float64[:, :, ::1], int64[::1], float64[:, ::1], float64[::1], float64[::1])"
+    "int64(float64[::1], int64, float64, float64[::1], float64[::1], float64[::1], float64[::1], float64[::1],"
+    " int64[::1], float64[::1], float64[:, ::1], float64[:, :, ::1], int64[::1], float64[:, ::1], float64[::1],"
+    " float64[::1])"
 )
 def take(
     m: Float,
     dirty: int,
     t_ns: float,
+    x: Float,
+    P: Float,
+    bank: Float,
     par: Float,
     aux: Float,
     ctl: Int,
@@ -138,12 +154,18 @@ def take(
     stamped t − delay + IMU delay.
     """
     kind = int(m[M_KIND])
-    if kind != GNSS and kind != BARO and kind != MAG:
+    if kind != GNSS and kind != BARO and kind != MAG and kind != AIRSPEED:
         return dirty
     delay = par[PAR_GNSS_DELAY] if kind == GNSS else (par[PAR_BARO_DELAY] if kind == BARO else par[PAR_MAG_DELAY])
     aid = GNSS_POSITION if kind == GNSS else (BARO_HEIGHT if kind == BARO else MAG_FIELD)
+    if kind == AIRSPEED:
+        aid, delay = AIRSPEED_AID, par[PAR_BARO_DELAY]  # a pressure sensor as well
     t_valid = m[M_T] + (par[PAR_IMU_DELAY] - delay) * 1e9
     status = int(m[M_STATUS])
+    if kind == AIRSPEED and status == FUSED:
+        if m[M_T] - aux[A_T_AIRSPEED] < AIRSPEED_INTERVAL_NS:
+            return dirty
+        aux[A_T_AIRSPEED] = m[M_T]
     if kind == MAG and status == FUSED:
         ctl[C_MAG_SEEN] = 1
         if ctl[C_MODE] == ALIGNING:
@@ -165,6 +187,9 @@ def take(
         return dirty
     if kind == GNSS:
         _note_gnss(m, t_valid, aux)
+        moved = bank_velocity(t_valid, m[M_DATA + 3], m[M_DATA + 4], m[M_DATA + 8], bank)
+        if moved and heading_due(t_ns, x, P, aux, ctl, bank, h):
+            dirty = attach(h, dirty, t_ns, ctl, work, r_u, r_m, r_n, aids, aid_t)
         if math.isfinite(m[M_DATA]) and math.isfinite(m[M_DATA + 1]):
             _start_row(h, GNSS_POSITION, t_valid, m)
             position_row(h, m)
@@ -177,4 +202,6 @@ def take(
         _start_row(h, aid, t_valid, m)
         if kind == BARO:
             h[H_DATA] = m[M_DATA + 1]
+        elif kind == AIRSPEED:
+            h[H_DATA], h[H_DATA + 1] = m[M_DATA], m[M_DATA + 1]
     return attach(h, dirty, t_ns, ctl, work, r_u, r_m, r_n, aids, aid_t)

@@ -39,7 +39,8 @@ H_DATA: Final = 3  # (9) observation
 H_ACC: Final = 12  # (3) standard deviations as reported or assumed
 H_VAR: Final = 15  # (3) variances decided on at first use, kept for every re-run
 H_SHIFT: Final = 18  # height shift decided on at first use, m
-H_SIZE: Final = 19
+H_FLOOR: Final = 19  # least standard deviation the innovations may bring it down to
+H_SIZE: Final = 20
 UNDECIDED: Final = -1.0
 RESET: Final = 100.0  # this measurement set velocity and position instead of correcting them
 
@@ -68,7 +69,8 @@ PAR_MAG_BIAS_WALK: Final = 22  # gauss/√s
 PAR_WIND_SIGMA: Final = 23  # m/s
 PAR_WIND_WALK: Final = 24  # m/s/√s
 PAR_FIELD_SIGMA: Final = 25  # error of the model's strength, as a share of it
-PAR_SIZE: Final = 26
+PAR_MAG_TIMING: Final = 26  # s, how well the magnetometer's delay is known
+PAR_SIZE: Final = 27
 
 NEVER_NS: Final = -1e18
 """A time before every other."""
@@ -131,7 +133,9 @@ A_GNSS_WANDER_VAR: Final = 48  # slow error of an ordinary receiver that no inno
 A_T_RESET: Final = 49  # validity of the GNSS position that last set the state, ns
 A_T_WHEELS: Final = 50  # last zero lateral velocity of a car, ns
 A_T_ASTRAY: Final = 51  # since when the yaw bank contradicts the heading, ns; NEVER_NS when it does not
-A_SIZE: Final = 52
+A_T_AIRSPEED: Final = 52
+A_T_SIDESLIP: Final = 53
+A_SIZE: Final = 54
 
 # Scratch, so that nothing is allocated in a step.
 W_U: Final = 0  # (18) input of the covariance prediction
@@ -144,7 +148,8 @@ W_INNOV: Final = 93
 W_VAR: Final = 96
 W_RATIO: Final = 99
 W_DIM: Final = 100  # error states that are active (`states`); not scratch: set when a block is switched on
-W_SIZE: Final = 101
+W_LOG: Final = 101  # one more than the scalar updates logged behind W_SIZE (`update.log_scalar`); 0 = none are kept
+W_SIZE: Final = 102
 
 # Events the kernel reports: code, time ns, size, second size.
 E_ALIGNED: Final = 1  # heading sigma rad, tilt sigma rad

@@ -5,7 +5,7 @@ from __future__ import annotations
 import math
 from typing import Final
 
-from server.nav.codes import CAR, GRAVITY, HAND_HELD, WHEELS, ZERO_RATE, ZERO_VELOCITY
+from server.nav.codes import CAR, FIXED_WING, GRAVITY, HAND_HELD, SIDESLIP, WHEELS, ZERO_RATE, ZERO_VELOCITY
 from server.nav.ekf.align import rest
 from server.nav.ekf.history import attach
 from server.nav.ekf.layout import (
@@ -13,6 +13,7 @@ from server.nav.ekf.layout import (
     A_T_GNSS_SEEN,
     A_T_GRAVITY,
     A_T_RATE,
+    A_T_SIDESLIP,
     A_T_STILL,
     A_T_WHEELS,
     C_POSITIONED,
@@ -34,6 +35,7 @@ from server.nav.types import Float, Int
 
 PSEUDO_INTERVAL_NS: Final = 1e8  # ten a second: the board's sway is correlated for about that long
 WHEELS_INTERVAL_NS: Final = 2e8
+FLYING_M_S: Final = 8.0  # over ground; a fixed wing this fast has taken off or is about to
 REST_BEFORE_ZERO_S: Final = 1.0
 STILL_SPEED_M_S: Final = 0.15
 ZERO_VELOCITY_M_S: Final = 0.05  # a vehicle that stands still sways on its legs or springs
@@ -74,6 +76,11 @@ def pseudo_measurements(
     """
     t = u[U_T]
     rest(u, par, aux, ctl, gravity_here(x, aux, ctl))
+    if ctl[C_POSITIONED] and par[PAR_VEHICLE] == FIXED_WING and t - aux[A_T_SIDESLIP] >= WHEELS_INTERVAL_NS:
+        if x[X_VEL] ** 2 + x[X_VEL + 1] ** 2 > FLYING_M_S**2:
+            aux[A_T_SIDESLIP] = t
+            _pseudo(h, u, SIDESLIP)
+            dirty = attach(h, dirty, t, ctl, work, r_u, r_m, r_n, aids, aid_t)
     if ctl[C_POSITIONED] and par[PAR_VEHICLE] == CAR and t - aux[A_T_WHEELS] >= WHEELS_INTERVAL_NS:
         aux[A_T_WHEELS] = t
         _pseudo(h, u, WHEELS)

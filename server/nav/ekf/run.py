@@ -51,6 +51,7 @@ from server.nav.ekf.pseudo import pseudo_measurements
 from server.nav.ekf.publish import publish
 from server.nav.ekf.states import ATT, POS, VEL, X_POS, X_Q, X_SIZE, X_VEL, packed
 from server.nav.ekf.update import reset_axis
+from server.nav.ekf.yaw_bank import bank_predict, bank_start
 from server.nav.kernel import kernel
 from server.nav.types import Float, Int
 
@@ -101,7 +102,7 @@ def _sane(x: Float, P: Float) -> bool:
 @kernel(
     "void(float64[:, ::1], float64[:, ::1], float64[::1], float64[::1], float64[::1], float64[::1], int64[::1],"
     " float64[::1], float64[:, ::1], float64[:, ::1], float64[:, ::1], float64[:, :, ::1], int64[::1],"
-    " float64[:, ::1], float64[:, ::1], float64[::1], float64[:, ::1], float64[::1])"
+    " float64[:, ::1], float64[:, ::1], float64[::1], float64[:, ::1], float64[::1], float64[::1])"
 )
 def run(
     steps: Float,
@@ -122,6 +123,7 @@ def run(
     aid_t: Float,
     events: Float,
     h: Float,
+    bank: Float,
 ) -> None:
     """Run the filter over navigation steps and the measurements that arrived with them, in order of arrival.
 
@@ -131,6 +133,7 @@ def run(
         rows: shape (n, len(LANE_COLUMNS)), written.
         aids, aid_t, events: records, counted in ctl[C_AIDS] and ctl[C_EVENTS].
         h: shape (H_SIZE,), scratch.
+        bank: shape (B_SIZE,), memory of the yaw bank, which is not rolled back.
     """
     k = 0
     for n in range(steps.shape[0]):
@@ -141,6 +144,7 @@ def run(
             ctl[C_MODE] = ALIGNING
             ctl[C_POSITIONED] = ctl[C_VALID] = 0
             restart(aux, ctl)
+            bank_start(bank)
             aux[A_MAG_WEIGHT] = 0.0
             aux[A_T_START] = NEVER_NS
         if ctl[C_MODE] == ALIGNING:
@@ -152,6 +156,7 @@ def run(
                 push(u, x, P, ctl, work, r_u, r_x, r_P, r_n)
         else:
             predict(x, P, u, par, aux, ctl, work)
+            bank_predict(u, x, par, bank)
             if not ctl[C_POSITIONED]:
                 for i in range(3):
                     x[X_VEL + i] = 0.0
@@ -160,7 +165,7 @@ def run(
             push(u, x, P, ctl, work, r_u, r_x, r_P, r_n)
             dirty = pseudo_measurements(u, dirty, x, aux, ctl, work, r_u, r_m, r_n, aids, aid_t, h, par)
         while k < meas.shape[0] and meas[k, M_STEP] <= n:
-            dirty = take(meas[k], dirty, u[U_T], par, aux, ctl, work, r_u, r_m, r_n, aids, aid_t, h)
+            dirty = take(meas[k], dirty, u[U_T], x, P, bank, par, aux, ctl, work, r_u, r_m, r_n, aids, aid_t, h)
             k += 1
         if dirty >= 0:
             rerun(dirty, u[U_T], x, P, par, aux, ctl, work, r_u, r_x, r_P, r_m, r_n, aids, aid_t, events)
@@ -179,5 +184,6 @@ def run(
             rows[n, 25] = FAILED
             ctl[C_MODE] = ALIGNING  # start again from nothing, after saying so
             _forget(x, P, aux, ctl)
+            bank_start(bank)
             continue
         publish(x, P, u, par, aux, ctl, rows[n])

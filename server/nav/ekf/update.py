@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import math
 
-from server.nav.ekf.layout import W_DIM, W_DX, W_H, W_PH
+from server.nav.ekf.layout import W_DIM, W_DX, W_H, W_LOG, W_PH, W_SIZE
 from server.nav.ekf.predict import move_position
 from server.nav.ekf.states import (
     ACCEL_BIAS,
@@ -64,6 +64,24 @@ def correction_seen(work: Float) -> float:
     return total
 
 
+LOGGED = 2 * N + 2
+"""Numbers of one logged scalar: innovation, its variance, H, P Hᵀ."""
+
+
+@kernel("void(float64[::1], float64, float64)")
+def log_scalar(work: Float, innovation: float, variance: float) -> None:
+    """Append what one scalar update did behind the scratch: all that a smoother needs to know of a measurement."""
+    k = W_SIZE + int(work[W_LOG] - 1.0) * LOGGED
+    if k + LOGGED > work.shape[0]:
+        return
+    work[k], work[k + 1] = innovation, variance
+    n = int(work[W_DIM])
+    for i in range(N):
+        work[k + 2 + i] = work[W_H + i] if i < n else 0.0
+        work[k + 2 + N + i] = work[W_PH + i] if i < n else 0.0
+    work[W_LOG] += 1.0
+
+
 @kernel("void(float64[::1], float64[::1], float64, float64)", contract=True)
 def fuse(P: Float, work: Float, innovation: float, variance: float) -> None:
     """Kalman update with one scalar; `project` has been called [Solà 2017, eq. 274-276].
@@ -74,6 +92,8 @@ def fuse(P: Float, work: Float, innovation: float, variance: float) -> None:
         innovation: of this scalar, corrections collected so far already taken off.
         variance: innovation variance H P Hᵀ + R, > 0.
     """
+    if work[W_LOG] > 0.0:
+        log_scalar(work, innovation, variance)
     k = 0
     for i in range(int(work[W_DIM])):
         gain = work[W_PH + i] / variance

@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Mapping
+from collections.abc import Callable, Mapping
 from dataclasses import replace
 from typing import Final
 
@@ -11,8 +11,9 @@ import numpy as np
 from server.nav.codes import FAILED
 from server.nav.lanes.base import Lane, LaneContext, LaneResult
 from server.nav.lanes.registry import (
-    ESTIMATORS,
+    COMPUTED,
     LANES,
+    RECORDED_LANES,
     LaneInfo,
     check_lanes,
     check_values,
@@ -35,11 +36,11 @@ class LaneBank:
         Raises:
             ValueError: a lane or parameter that does not exist, or a value outside its limits.
         """
-        check_lanes(settings.lanes)
+        check_lanes(settings.lanes, RECORDED_LANES)
         for lane, values in settings.lane_parameters.items():
-            check_values(lane, values)
+            check_values(lane, values, RECORDED_LANES)
         self.chosen: tuple[str, ...] = settings.lanes
-        self._values = {name: defaults_of(name) | dict(settings.lane_parameters.get(name, {})) for name in ESTIMATORS}
+        self._values = {name: defaults_of(name) | dict(settings.lane_parameters.get(name, {})) for name in COMPUTED}
         self._running: dict[str, Lane] = {}
         self._failures: dict[str, str] = {}
         self._context: LaneContext | None = None
@@ -56,7 +57,7 @@ class LaneBank:
         for name, lane in self._running.items():
             lane.configure(self._for(name, context))
         for name in self.chosen:
-            if name in ESTIMATORS and name not in self._running and name not in self._failures:
+            if name in COMPUTED and name not in self._running and name not in self._failures:
                 self._running[name] = make(name, self._for(name, context))
                 if self._site is not None:
                     self._running[name].set_site(self._site)
@@ -84,7 +85,7 @@ class LaneBank:
             ValueError: unknown lane or parameter, or a value outside its limits; nothing is changed then.
         """
         check_values(name, values)
-        if name not in ESTIMATORS:
+        if name not in COMPUTED:
             return
         self._values[name] |= dict(values)
         self._failures.pop(name, None)
@@ -99,15 +100,26 @@ class LaneBank:
 
     def step(self, steps: Float, meas: Float, t_ns: Int) -> list[LaneResult]:
         """Advance every lane over the same steps; one that raises is put aside and says so."""
-        results = []
-        for name in list(self._running):
-            try:
-                results.append(self._running[name].step(steps, meas, t_ns))
-            except Exception as error:  # one estimator's defect must not end the others' flight
-                del self._running[name]
-                self._failures[name] = f"{type(error).__name__}: {error}"
-                results.append(_failed(name, t_ns, self._failures[name]))
-        return results
+        return [self._guarded(name, lane.step, t_ns, steps, meas, t_ns) for name, lane in list(self._running.items())]
+
+    def finish(self, t_ns: int) -> list[LaneResult]:
+        """Return what the lanes that need the whole recording (`registry.AFTERWARDS`) have to say at its end.
+
+        Args:
+            t_ns: board time of the last step, for a lane that fails here.
+        """
+        ends = {name: getattr(lane, "finish", None) for name, lane in self._running.items()}
+        at = np.array([t_ns], dtype=np.int64)
+        return [self._guarded(name, end, at) for name, end in ends.items() if end is not None]
+
+    def _guarded(self, name: str, call: Callable[..., LaneResult], t_ns: Int, *values: object) -> LaneResult:
+        """Return what a lane's method gives; one that raises is put aside and says so, at the last of the stamps."""
+        try:
+            return call(*values)
+        except Exception as error:  # one estimator's defect must not end the others' flight
+            del self._running[name]
+            self._failures[name] = f"{type(error).__name__}: {error}"
+            return _failed(name, t_ns, self._failures[name])
 
     def failure(self, name: str) -> str:
         """Return why a lane was put aside; "" when it was not."""

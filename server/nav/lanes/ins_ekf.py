@@ -13,6 +13,7 @@ from server.nav.ekf.align import turn_about_down
 from server.nav.ekf.blocks import start_field
 from server.nav.ekf.run import run
 from server.nav.ekf.states import ATT, FIELD, INERTIAL, PACKED, WITH_MAG, X_POS, X_Q, X_SIZE, packed
+from server.nav.ekf.yaw_bank import new_bank
 from server.nav.lanes.base import LaneContext, LaneResult, Parameter, Provides
 from server.nav.types import (
     AID_COLUMNS,
@@ -57,6 +58,12 @@ EVENT_TEXTS: Final[dict[int, tuple[str, str, str, tuple[str, str]]]] = {
         "info",
         "Heading found from the magnetometer, turned by {0:.2f} rad.",
         ("yaw_rad", ""),
+    ),
+    at.E_BANK: (
+        "heading-from-motion",
+        "info",
+        "Heading found from accelerations against GNSS velocities: turned by {0:+.2f} rad, σ {1:.2g} rad.",
+        ("yaw_rad", "sigma_rad"),
     ),
     at.E_COURSE: ("heading-from-course", "info", "Heading taken from the GNSS course: {0:+.2f} rad.", ("yaw_rad", "")),
     at.E_FAILED: ("filter-failed", "warning", "The filter lost its numbers and starts again; report this.", ("", "")),
@@ -137,6 +144,8 @@ def kernel_parameters(context: LaneContext) -> Float:
     par[at.PAR_FIELD_SIGMA] = defaults.FIELD_SIGMA
     par[at.PAR_MAG_BIAS_SIGMA] = given("mag_bias_sigma_gauss")
     par[at.PAR_MAG_BIAS_WALK] = defaults.MAG_BIAS_WALK_GAUSS_RTS
+    told = not math.isnan(context.delays_s[1])
+    par[at.PAR_MAG_TIMING] = defaults.MAG_TIMING_TOLD_S if told else defaults.MAG_TIMING_S
     par[at.PAR_WIND_SIGMA] = defaults.WIND_SIGMA_M_S
     par[at.PAR_WIND_WALK] = defaults.WIND_WALK_M_S_RTS
     par[at.PAR_BARO_NOISE] = given("baro_noise_m")
@@ -169,7 +178,18 @@ class InsEkf:
         self._aux, self._ctl = np.zeros(at.A_SIZE), np.zeros(at.C_SIZE, dtype=np.int64)
         for index in (at.A_T_GNSS, at.A_T_GNSS_SEEN, at.A_T_START):
             self._aux[index] = at.NEVER_NS
-        for index in (at.A_T_RESET, at.A_T_MAG, at.A_T_BARO, at.A_T_STILL, at.A_T_RATE, at.A_T_GRAVITY, at.A_T_WHEELS):
+        for index in (
+            at.A_T_ASTRAY,
+            at.A_T_RESET,
+            at.A_T_MAG,
+            at.A_T_BARO,
+            at.A_T_STILL,
+            at.A_T_RATE,
+            at.A_T_GRAVITY,
+            at.A_T_WHEELS,
+            at.A_T_AIRSPEED,
+            at.A_T_SIDESLIP,
+        ):
             self._aux[index] = at.NEVER_NS
         self._aux[at.A_K_POS] = self._aux[at.A_K_VEL] = self._aux[at.A_K_BARO] = self._aux[at.A_K_MAG] = 1.0
         self._aux[at.A_GNSS_INTERVAL] = 1.0
@@ -180,6 +200,7 @@ class InsEkf:
         self._r_P = np.zeros((slots, PACKED))
         self._r_m = np.zeros((slots, at.SLOT_MEASUREMENTS, at.H_SIZE))
         self._r_n = np.zeros(slots, dtype=np.int64)
+        self._bank = new_bank()
         self._pending: list[Event] = []
 
     def configure(self, context: LaneContext) -> None:
@@ -230,7 +251,7 @@ class InsEkf:
         self._ctl[at.C_AIDS] = self._ctl[at.C_EVENTS] = 0
         run(
             steps, meas, self._x, self._P, self._par, self._aux, self._ctl, self._work,
-            self._r_u, self._r_x, self._r_P, self._r_m, self._r_n, rows, aids, aid_t, events, self._h,
+            self._r_u, self._r_x, self._r_P, self._r_m, self._r_n, rows, aids, aid_t, events, self._h, self._bank,
         )  # fmt: skip
         k = int(self._ctl[at.C_AIDS])
         aid_rows = AidRows(t_ns=aid_t[:k].astype(np.int64) + self._t0_ns, data=aids[:k])

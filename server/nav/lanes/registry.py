@@ -18,6 +18,7 @@ from server.nav.lanes.dmp import Dmp
 from server.nav.lanes.ins_ekf import InsEkf
 from server.nav.lanes.kalman_angle_bias import KalmanAngleBias
 from server.nav.lanes.nav_position import NavPosition
+from server.nav.lanes.smoother import Smoother
 from server.nav.lanes.vqf import Vqf
 
 ESTIMATORS: Final[dict[str, type[Lane]]] = {
@@ -37,6 +38,12 @@ ESTIMATORS: Final[dict[str, type[Lane]]] = {
 REPEATERS: Final[dict[str, Provides]] = {"onboard": "full", "reference": "full"}
 """Lanes that publish what someone else computed (`passthrough`)."""
 LANES: Final = (*ESTIMATORS, *REPEATERS)
+"""Lanes that a live board can run."""
+AFTERWARDS: Final[dict[str, type[Lane]]] = {"smoother": Smoother}
+"""Lanes that need the whole recording: no rows while it runs, all of them when it ends (`LaneBank.finish`)."""
+COMPUTED: Final[dict[str, type[Lane]]] = ESTIMATORS | AFTERWARDS
+RECORDED_LANES: Final = (*LANES, *AFTERWARDS)
+"""Lanes that a recording can be run through."""
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
@@ -57,23 +64,23 @@ class LaneInfo:
     values: Mapping[str, float]
 
 
-def check_lanes(names: tuple[str, ...]) -> None:
-    """Raise ValueError for a lane that does not exist, one named twice, or none at all."""
-    unknown = [name for name in names if name not in LANES]
+def check_lanes(names: tuple[str, ...], known: tuple[str, ...] = LANES) -> None:
+    """Raise ValueError for a lane that is not known, one named twice, or none at all."""
+    unknown = [name for name in names if name not in known]
     if unknown:
-        raise ValueError(f"no lane called {', '.join(unknown)}; there are: {', '.join(LANES)}")
+        raise ValueError(f"no lane called {', '.join(unknown)}; there are: {', '.join(known)}")
     if not names or len(set(names)) != len(names):
         raise ValueError(f"lanes {', '.join(names) or '(none)'}: name at least one, each once")
 
 
 def parameters_of(lane: str) -> tuple[Parameter, ...]:
     """Return what may be changed of a lane; nothing of those that repeat."""
-    return ESTIMATORS[lane].parameters if lane in ESTIMATORS else ()
+    return COMPUTED[lane].parameters if lane in COMPUTED else ()
 
 
 def provides_of(lane: str) -> Provides:
     """Return what a lane estimates."""
-    return ESTIMATORS[lane].provides if lane in ESTIMATORS else REPEATERS[lane]
+    return COMPUTED[lane].provides if lane in COMPUTED else REPEATERS[lane]
 
 
 def defaults_of(lane: str) -> dict[str, float]:
@@ -81,9 +88,9 @@ def defaults_of(lane: str) -> dict[str, float]:
     return {parameter.name: parameter.default for parameter in parameters_of(lane)}
 
 
-def check_values(lane: str, values: Mapping[str, float]) -> None:
+def check_values(lane: str, values: Mapping[str, float], known_lanes: tuple[str, ...] = LANES) -> None:
     """Raise ValueError, naming value, limits and remedy, for what a lane does not take."""
-    check_lanes((lane,))
+    check_lanes((lane,), known_lanes)
     known = {parameter.name: parameter for parameter in parameters_of(lane)}
     for name, value in values.items():
         if name not in known:
@@ -101,5 +108,5 @@ def check_values(lane: str, values: Mapping[str, float]) -> None:
 
 def make(name: str, context: LaneContext) -> Lane:
     """Return a new lane, before its first step."""
-    factory: Callable[[LaneContext], Lane] = ESTIMATORS[name]
+    factory: Callable[[LaneContext], Lane] = COMPUTED[name]
     return factory(context)

@@ -132,6 +132,8 @@ export const AIDS = [
   "sideslip",
   "gravity",
   "gnss_course",
+  "wheels",
+  "yaw",
 ] as const;
 export type AidName = (typeof AIDS)[number];
 

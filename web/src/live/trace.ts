@@ -1,3 +1,4 @@
+import { valueAround, wrapped } from "../logic/difference";
 import type { Signal } from "../logic/signals";
 import type { Feed } from "./feeds";
 
@@ -10,21 +11,25 @@ export interface Curve {
 /**
  * One picked signal as numbers ready to draw: derived values are computed once per row, when it arrives.
  *
+ * With another feed it holds the difference to that: row by row, as soon as the other has reached the row's time.
  * Same memory scheme as `Ring`: twice the capacity, compacted when full, so `curve` is a view.
  */
 export class Trace {
   readonly signal: Signal;
   private readonly feed: Feed;
+  private readonly other: Feed | undefined;
   private readonly tS: Float64Array;
   private readonly values: Float64Array;
   private start = 0;
   private end = 0;
   private epoch = -1;
+  private otherEpoch = -1;
   private frozen: Curve | null = null;
 
-  constructor(signal: Signal, feed: Feed) {
+  constructor(signal: Signal, feed: Feed, other?: Feed) {
     this.signal = signal;
     this.feed = feed;
+    this.other = other;
     this.tS = new Float64Array(2 * feed.ring.capacity);
     this.values = new Float64Array(2 * feed.ring.capacity);
   }
@@ -32,14 +37,26 @@ export class Trace {
   /** Take over what arrived since the last call. */
   update(): void {
     const { ring } = this.feed;
-    if (ring.epoch !== this.epoch) {
+    const otherEpoch = this.other?.ring.epoch ?? -1;
+    if (ring.epoch !== this.epoch || otherEpoch !== this.otherEpoch) {
       this.start = this.end = 0;
-      this.epoch = ring.epoch;
+      [this.epoch, this.otherEpoch] = [ring.epoch, otherEpoch];
     }
     const lastS = this.end > this.start ? (this.tS[this.end - 1] ?? -Infinity) : -Infinity;
     const times = ring.times();
-    for (let i = ring.indexAt(lastS) + 1; i < times.length; i++)
-      this.push(times[i] ?? NaN, this.signal.read(ring, i));
+    for (let i = ring.indexAt(lastS) + 1; i < times.length; i++) {
+      const value = this.valueAt(i, times[i] ?? NaN);
+      if (value === undefined) return;
+      this.push(times[i] ?? NaN, value);
+    }
+  }
+
+  /** Undefined while what it is compared with may still arrive. */
+  private valueAt(i: number, tS: number): number | undefined {
+    const value = this.signal.read(this.feed.ring, i);
+    if (!this.other || Number.isNaN(value)) return value;
+    const than = valueAround(this.other.ring, tS, this.signal);
+    return than === undefined ? undefined : wrapped(value - than, this.signal.wraps);
   }
 
   private push(tS: number, value: number): void {

@@ -9,6 +9,12 @@ export function fixed(value: number | null | undefined, decimals: number): strin
   return value < 0 && Number(text) !== 0 ? MINUS + text : text;
 }
 
+/** A difference with its sign, "+0.20" or "−0.20"; "0.00" has none. */
+export function signed(value: number | null | undefined, decimals: number): string {
+  const text = fixed(value, decimals);
+  return text !== DASH && (value ?? 0) > 0 && Number(text) !== 0 ? `+${text}` : text;
+}
+
 /** Three significant digits or so, for quantities whose size is not known beforehand. */
 export function compact(value: number | null | undefined): string {
   if (value === null || value === undefined || !Number.isFinite(value)) return DASH;

@@ -21,7 +21,9 @@ export function linkSeverity(link: LinkOut): Severity {
   return link.state === "silent" ? "caution" : "warning";
 }
 
-export function laneSeverity(lane: LaneOut): Severity {
+/** A lane that estimates the attitude alone does all it can; one that could do more does not. */
+export function laneSeverity({ status, provides }: Pick<LaneOut, "status" | "provides">): Severity {
+  if (status === "attitude" && provides === "attitude") return "ok";
   const byStatus = {
     aligning: "info",
     attitude: "caution",
@@ -29,7 +31,7 @@ export function laneSeverity(lane: LaneOut): Severity {
     dead_reckoning: "caution",
     failed: "warning",
   };
-  return byStatus[lane.status] as Severity;
+  return byStatus[status] as Severity;
 }
 
 /** A sensor that was well and is silent now is not known to be well. */

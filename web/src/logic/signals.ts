@@ -20,6 +20,8 @@ export interface Signal {
   readonly unit: string;
   /** The column or columns it is made of, as named on the wire, for files. */
   readonly wireName: string;
+  /** Topic of the lane it is the difference to; absent = its own value. */
+  readonly against?: string;
   /** A full turn in the unit shown, where the value jumps back; 0 = it does not. */
   readonly wraps: number;
   /** How its value in the unit shown is read from row i. */
@@ -100,6 +102,17 @@ function signalsOf({ group, source, topic, columns, derived }: Table): Signal[] 
     topic,
     columns,
   }));
+}
+
+/** One quantity of a lane, or how far it is from another lane's. */
+export function laneSignal(lane: string, wireName: string, against?: string): Signal {
+  const table = { group: "lane" as const, source: lane, topic: `lanes/${lane}`, columns: LANE_COLUMNS };
+  const found = signalsOf({ ...table, derived: [...ATTITUDE, ...MOTION, ...PLACE] }).find(
+    (each) => each.wireName === wireName,
+  );
+  if (!found) throw new Error(`lanes have no ${wireName}`);
+  if (against === undefined) return found;
+  return { ...found, id: `${found.id}-${against}`, against: `lanes/${against}` };
 }
 
 /** Columns of an aid worth a curve; the rest of its record is shown in tables. */

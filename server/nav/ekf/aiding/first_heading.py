@@ -10,7 +10,7 @@ from server.nav.codes import (
     REFUSED_DISTURBED,
 )
 from server.nav.ekf.aiding.mag import field_in_ned
-from server.nav.ekf.align import LEAST_NORTH_GAUSS, set_heading
+from server.nav.ekf.align import HEADING_SIGMA_RAD, LEAST_NORTH_GAUSS, set_heading
 from server.nav.ekf.blocks import switch_mag_on
 from server.nav.ekf.events import add_event
 from server.nav.ekf.layout import (
@@ -55,7 +55,7 @@ def late_heading(
         aux[A_FIELD_H], aux[A_FIELD_D] = math.hypot(z[0], z[1]), z[2]
     angle = aux[A_DECLINATION] - math.atan2(z[1], z[0])
     angle = (angle + math.pi) % (2.0 * math.pi) - math.pi
-    set_heading(x, P, angle)
+    set_heading(x, P, angle, HEADING_SIGMA_RAD)
     switch_mag_on(x, P, par, aux, ctl, work)
     work[W_OBS], work[W_OBS + 1], work[W_OBS + 2] = z[0], z[1], z[2]
     if h[H_STATUS] == UNDECIDED:
@@ -78,7 +78,7 @@ def course_heading(h: Float, x: Float, P: Float, ctl: Int, events: Float) -> Non
     R = matrix_entries(x[X_Q], x[X_Q + 1], x[X_Q + 2], x[X_Q + 3])
     angle = math.atan2(h[H_DATA + 1], h[H_DATA]) - math.atan2(R[3], R[0])
     angle = (angle + math.pi) % (2.0 * math.pi) - math.pi
-    set_heading(x, P, angle)
+    set_heading(x, P, angle, HEADING_SIGMA_RAD)
     if h[H_STATUS] == UNDECIDED:
         add_event(events, ctl, E_COURSE, h[H_T], angle, 0.0)
     h[H_STATUS] = RESET

@@ -24,6 +24,7 @@ from server.nav.ekf.layout import (
     C_POSITIONED,
     H_ACC,
     H_DATA,
+    H_FLOOR,
     H_SHIFT,
     H_STATUS,
     H_T,
@@ -104,7 +105,7 @@ def tracked_ratio(k: float, excess: float, learn: float) -> float:
 def _scale(h: Float, aux: Float, axes: int, k_index: int, floor: float, first: int) -> None:
     """Set the variances of `axes` components from the reported accuracies and the tracked ratio."""
     for i in range(first, first + axes):
-        h[H_VAR + i] = max(floor * floor, aux[k_index] * h[H_ACC + i] ** 2)
+        h[H_VAR + i] = max(floor * floor, h[H_FLOOR] ** 2, aux[k_index] * h[H_ACC + i] ** 2)
 
 
 @kernel("void(float64[::1], float64[::1], float64[::1], float64[::1], int64, int64, int64)")

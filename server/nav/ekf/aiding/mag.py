@@ -24,6 +24,7 @@ from server.nav.ekf.layout import (
     HANDLER,
     PAR_GATE,
     PAR_MAG_NOISE,
+    PAR_MAG_TIMING,
     U_GYRO,
     U_T,
     UNDECIDED,
@@ -41,7 +42,7 @@ from server.nav.rotation import matrix_entries
 from server.nav.types import Float, Int
 
 LEARN: Final = 0.01  # weight of one sample in the tracked noise: 5 to 10 s of samples
-K_MIN: Final = 0.1  # a third of the standard deviation: below it quantisation and soft iron remain
+K_MIN: Final = 0.36  # what soft iron, currents and timing leave is not white: 6 mG at least, at 25 samples a second
 K_MAX: Final = 25.0
 STRENGTH_TOLERANCE: Final = 0.25
 """Share of the model's strength; crustal anomalies stay under 10 %, uncalibrated soft iron under 20 %."""
@@ -82,11 +83,15 @@ def field(h: Float, x: Float, P: Float, u: Float, par: Float, aux: Float, ctl: I
     z = field_in_ned(h, x, u)
     undecided = h[H_STATUS] == UNDECIDED
     worst, excess = 0.0, 0.0
+    if undecided:
+        turn = (u[U_GYRO] - x[X_GYRO_BIAS]) ** 2 + (u[U_GYRO + 1] - x[X_GYRO_BIAS + 1]) ** 2
+        turn += (u[U_GYRO + 2] - x[X_GYRO_BIAS + 2]) ** 2
+        strength2 = h[H_DATA] ** 2 + h[H_DATA + 1] ** 2 + h[H_DATA + 2] ** 2
+        h[H_VAR] = aux[A_K_MAG] * par[PAR_MAG_NOISE] ** 2 + par[PAR_MAG_TIMING] ** 2 * turn * strength2
     for i in range(3):
         work[W_PRED + i], work[W_OBS + i] = x[X_FIELD + i], z[i]
         work[W_INNOV + i] = z[i] - x[X_FIELD + i]
         if undecided:
-            h[H_VAR] = aux[A_K_MAG] * par[PAR_MAG_NOISE] ** 2
             observe(x, work, i)
             own = project(P, work)
             excess += (work[W_INNOV + i] ** 2 - own) / (3.0 * par[PAR_MAG_NOISE] ** 2)

@@ -1,10 +1,10 @@
 import uPlot from "uplot";
 import { onFrame } from "../../live/frames";
-import type { Trace } from "../../live/trace";
+import { indexAt, type Trace } from "../../live/trace";
 import { clock, DASH, decimalsFor, fixed } from "../../logic/format";
 import { steadyRange, type Range } from "../../logic/range";
 import { token } from "../theme.svelte";
-import { drawMark, extentOf, knownAt, strokeCurve } from "./draw";
+import { drawMark, extentOf, knownAt, strokeCurve, type Area, type Extent } from "./draw";
 import { watchEdge } from "./edge";
 import { gestures } from "./gestures";
 import { timeWindow } from "./window.svelte";
@@ -15,11 +15,26 @@ const FRAME_MS = 30;
 /** A value further than this from the cursor is not its value. */
 const NEAR_S = 5;
 
+/** How curves look, in their order. */
+export interface Look {
+  readonly colours: readonly string[];
+  /** Dash patterns, px; missing or empty = solid. */
+  readonly dashes?: readonly (readonly number[])[];
+}
+
+/** What is drawn behind the curves, from traces of its own. */
+export interface Backdrop {
+  readonly traces: readonly Trace[];
+  extent: (fromS: number, toS: number) => Extent;
+  draw: (ctx: CanvasRenderingContext2D, area: Area) => void;
+}
+
 /** Axes, cursor and gestures by uPlot; the curves are stroked here, straight from the traces. */
 export class Chart {
   private readonly plot: uPlot;
   private readonly traces: readonly Trace[];
-  private readonly colours: readonly string[];
+  private readonly look: Look;
+  private readonly backdrop: Backdrop | undefined;
   private readonly say: (n: number, text: string) => void;
   private readonly stops: readonly (() => void)[];
   private range: Range | null = null;
@@ -32,12 +47,14 @@ export class Chart {
     host: HTMLElement,
     size: { readonly width: number; readonly height: number },
     traces: readonly Trace[],
-    colours: readonly string[],
+    look: Look,
     say: (n: number, text: string) => void,
+    backdrop?: Backdrop,
   ) {
     this.traces = traces;
-    this.colours = colours;
+    this.look = look;
     this.say = say;
+    this.backdrop = backdrop;
     const noData: uPlot.AlignedData = [
       [0, 1],
       [null, null],
@@ -113,6 +130,11 @@ export class Chart {
       low = Math.min(low, extent.low);
       high = Math.max(high, extent.high);
     }
+    if (this.backdrop) {
+      for (const trace of this.backdrop.traces) trace.update();
+      const extent = this.backdrop.extent(fromS, toS);
+      [low, high] = [Math.min(low, extent.low), Math.max(high, extent.high)];
+    }
     const least = Math.max(1e-4, Math.abs(high + low) * 1e-3);
     this.range = steadyRange(this.range, low, high, Number.isFinite(least) ? least : 1);
   }
@@ -139,13 +161,16 @@ export class Chart {
     ctx.beginPath();
     ctx.rect(bbox.left, bbox.top, bbox.width + 8 * scale, bbox.height);
     ctx.clip();
+    this.backdrop?.draw(ctx, area);
     ctx.lineJoin = "round";
     ctx.lineWidth = 1.5 * scale;
     for (let n = this.traces.length - 1; n >= 0; n--) {
       const trace = this.traces[n] as Trace;
-      ctx.strokeStyle = ctx.fillStyle = this.colours[n] ?? "#888";
+      ctx.strokeStyle = ctx.fillStyle = this.look.colours[n] ?? "#888";
       const { tS, values } = trace.curve();
+      dashed(ctx, this.look.dashes?.[n] ?? [], scale, tS[Math.max(0, indexAt(tS, fromS))] ?? 0, area);
       strokeCurve(ctx, { tS, values }, area, trace.signal.wraps);
+      ctx.setLineDash([]);
       const i = knownAt({ tS, values }, toS);
       const [endS, end] = [tS[i] ?? NaN, values[i] ?? NaN];
       if (!(endS >= fromS) || !Number.isFinite(end)) continue;
@@ -153,6 +178,21 @@ export class Chart {
     }
     ctx.restore();
   }
+}
+
+/** Set a dash pattern that moves with the data: its phase follows the time of the first point, not the window. */
+function dashed(
+  ctx: CanvasRenderingContext2D,
+  pattern: readonly number[],
+  scale: number,
+  firstS: number,
+  { width, fromS, toS }: Area,
+): void {
+  if (pattern.length === 0) return;
+  const pixels = pattern.map((each) => each * scale);
+  ctx.setLineDash(pixels);
+  const period = pixels.reduce((sum, each) => sum + each, 0);
+  ctx.lineDashOffset = ((firstS * width) / (toS - fromS)) % period;
 }
 
 function axisNumber(value: number): string {

@@ -1,5 +1,5 @@
 import type { Signal } from "../../logic/signals";
-import { laneColour } from "../lanes";
+import { laneColour, laneDash } from "../lanes";
 
 /** Okabe and Ito without the colours of fixed meaning; by place within the plot. */
 const SERIES = [
@@ -13,14 +13,25 @@ const SERIES = [
   "#8c9aa8",
 ] as const;
 
+/** Whether each curve is of a lane of its own, so that colour and pattern can say which. */
+function oneEach(signals: readonly Signal[]): boolean {
+  const lanes = signals.map((each) => (each.group === "lane" ? each.source : ""));
+  return new Set(lanes).size === lanes.length;
+}
+
 /** One curve a lane: the lanes' own colours, as everywhere. Several of one lane: told apart by place. */
 export function coloursOf(signals: readonly Signal[]): readonly string[] {
-  const lanes = signals.map((each) => (each.group === "lane" ? each.source : ""));
-  const oneEach = new Set(lanes).size === lanes.length;
+  const byLane = oneEach(signals);
   const reference = laneColour("reference");
   return signals.map((each, n) => {
-    if (oneEach && each.group === "lane") return laneColour(each.source);
+    if (byLane && each.group === "lane") return laneColour(each.source);
     if (each.source === "reference") return reference;
     return SERIES[n % SERIES.length] as string;
   });
+}
+
+/** Dash patterns to the colours: a lane's own where its colour is. */
+export function dashesOf(signals: readonly Signal[]): readonly (readonly number[])[] {
+  const byLane = oneEach(signals);
+  return signals.map((each) => (byLane && each.group === "lane" ? laneDash(each.source) : []));
 }

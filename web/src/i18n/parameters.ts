@@ -1,0 +1,295 @@
+/** Settings of the estimators: name in both languages, meaning in Chinese (the English one comes from the service). */
+interface ParameterText {
+  readonly en: string;
+  readonly zh: string;
+  readonly meaning: string;
+}
+
+/** By parameter, or by lane and parameter where a lane means something else by it. A test compares with the server. */
+export const parameterTexts: Readonly<Record<string, ParameterText>> = {
+  gyro_noise_rad_s_rthz: {
+    en: "Gyro noise density",
+    zh: "陀螺噪声密度",
+    meaning: "载具上陀螺仪的噪声密度；越大越相信辅助量测，越不相信陀螺仪。",
+  },
+  "kalman_angle_bias.gyro_noise_rad_s_rthz": {
+    en: "Gyro noise density",
+    zh: "陀螺噪声密度",
+    meaning: "陀螺仪的噪声密度；越大越相信加速度计给出的角度。",
+  },
+  "ahrs_fixed_gain.gyro_noise_rad_s_rthz": {
+    en: "Gyro noise density",
+    zh: "陀螺噪声密度",
+    meaning: "陀螺仪的噪声密度，含刻度误差；越大越快跟随重力、磁场与运动。",
+  },
+  accel_noise_m_s2_rthz: {
+    en: "Accelerometer noise density",
+    zh: "加速度计噪声密度",
+    meaning: "载具上加速度计的噪声密度；实测振动另行叠加。",
+  },
+  "nav_position.accel_noise_m_s2_rthz": {
+    en: "Acceleration noise density",
+    zh: "加速度噪声密度",
+    meaning: "加速度的噪声密度，含振动；越大越相信卫星导航。",
+  },
+  "altitude_kalman.accel_noise_m_s2_rthz": {
+    en: "Vertical acceleration noise density",
+    zh: "垂直加速度噪声密度",
+    meaning: "垂直加速度的噪声密度，含倾斜误差与振动。",
+  },
+  gyro_bias_walk_rad_s2_rthz: {
+    en: "Gyro bias walk",
+    zh: "陀螺零偏游走",
+    meaning: "陀螺零偏变化的快慢，主要随温度。",
+  },
+  "kalman_angle_bias.gyro_bias_walk_rad_s2_rthz": {
+    en: "Gyro bias walk",
+    zh: "陀螺零偏游走",
+    meaning: "陀螺零偏变化的快慢；越大跟得越快，也更易把运动当作零偏。",
+  },
+  "ahrs_fixed_gain.gyro_bias_walk_rad_s2_rthz": {
+    en: "Gyro bias walk",
+    zh: "陀螺零偏游走",
+    meaning: "陀螺零偏变化的快慢；越大学得越快，也更易把运动当作零偏。",
+  },
+  accel_bias_walk_m_s3_rthz: {
+    en: "Accelerometer bias walk",
+    zh: "加速度计零偏游走",
+    meaning: "加速度计零偏变化的快慢。",
+  },
+  "altitude_kalman.accel_bias_walk_m_s3_rthz": {
+    en: "Acceleration bias walk",
+    zh: "加速度零偏游走",
+    meaning: "加速度零偏变化的快慢；越大学得越快但越不稳。",
+  },
+  accel_bias_sigma_m_s2: {
+    en: "Accelerometer bias at the start, σ",
+    zh: "起始加速度计零偏 σ",
+    meaning: "起始时加速度计零偏的标准差；校准之后取小。",
+  },
+  mag_noise_gauss: {
+    en: "Magnetometer noise",
+    zh: "磁力计噪声",
+    meaning: "磁力计的噪声与未建模的干扰；越大越不相信其航向。",
+  },
+  mag_bias_sigma_gauss: {
+    en: "Field fixed to the body, σ",
+    zh: "机体固有磁场 σ",
+    meaning: "校准后仍固定在机体上的磁场；取零表示完全相信校准。",
+  },
+  baro_noise_m: {
+    en: "Barometer noise",
+    zh: "气压高度噪声",
+    meaning: "气压高度的噪声；越大越不相信它。",
+  },
+  "altitude_kalman.baro_noise_m": {
+    en: "Barometer noise",
+    zh: "气压高度噪声",
+    meaning: "气压高度的噪声，含气流影响；越大越不相信它。",
+  },
+  gravity_noise_m_s2: {
+    en: "Motion that hides gravity",
+    zh: "掩盖重力的运动加速度",
+    meaning: "没有卫星导航时掩盖重力的加速度；越大越不相信加速度计给出的倾斜。",
+  },
+  declination_sigma_rad: {
+    en: "Declination error, σ",
+    zh: "磁偏角误差 σ",
+    meaning: "磁场模型的磁偏角误差；取零则保持模型值。",
+  },
+  gate_sigma: {
+    en: "Gate, in σ",
+    zh: "门限（σ 的倍数）",
+    meaning: "与预测相差超过这么多倍标准差的量测被拒绝。",
+  },
+  "altitude_kalman.gate_sigma": {
+    en: "Gate, in σ",
+    zh: "门限（σ 的倍数）",
+    meaning: "与预测相差超过这么多倍标准差的气压高度被拒绝。",
+  },
+  time_constant_s: {
+    en: "Time constant",
+    zh: "时间常数",
+    meaning: "加速度计的角度胜过陀螺仪所需的时间；越大越平滑，漂移也越大。",
+  },
+  accel_angle_noise_rad_rthz: {
+    en: "Noise of the accelerometer's angle",
+    zh: "加速度计角度噪声",
+    meaning: "加速度计给出的角度的噪声密度，含运动加速度；越大越不相信它。",
+  },
+  "ahrs_fixed_gain.accel_angle_noise_rad_rthz": {
+    en: "Noise of the accelerometer's tilt",
+    zh: "加速度计倾斜噪声",
+    meaning: "加速度计给出的倾斜的噪声密度，含运动加速度；越大越不相信它。",
+  },
+  gyro_bias_sigma_rad_s: {
+    en: "Gyro bias at the start, σ",
+    zh: "起始陀螺零偏 σ",
+    meaning: "起始时陀螺零偏的标准差；越大最初几秒学得越快。",
+  },
+  hold_s: {
+    en: "Hold time",
+    zh: "保持时间",
+    meaning: "最后一个四元数由陀螺仪外推多久之后，姿态视为丢失。",
+  },
+  tilt_time_constant_s: {
+    en: "Time constant of the tilt",
+    zh: "倾斜时间常数",
+    meaning: "重力修正倾斜所用的时间；越大越少把加速度当作倾斜。",
+  },
+  heading_time_constant_s: {
+    en: "Time constant of the heading",
+    zh: "航向时间常数",
+    meaning: "磁场修正航向所用的时间；越大越能忽略短暂干扰。",
+  },
+  bias_time_constant_s: {
+    en: "Time constant of the gyro bias",
+    zh: "陀螺零偏时间常数",
+    meaning: "持续的误差变为陀螺零偏所用的时间；小于其他时间常数的四倍会振荡。",
+  },
+  mag_angle_noise_rad_rthz: {
+    en: "Noise of the magnetic heading",
+    zh: "磁航向噪声",
+    meaning: "磁航向的噪声密度；越大越不相信它。",
+  },
+  motion_angle_noise_rad_rthz: {
+    en: "Noise of the heading from motion",
+    zh: "运动航向噪声",
+    meaning: "由 2 m/s² 加速度看出的航向的噪声密度；越大越不相信它。",
+  },
+  level_angle_noise_rad_rthz: {
+    en: "Noise of the tilt without motion",
+    zh: "去除运动后的倾斜噪声",
+    meaning: "扣除卫星导航加速度后倾斜的噪声密度；越大越不相信它。",
+  },
+  course_angle_noise_rad_rthz: {
+    en: "Noise of the GNSS course",
+    zh: "卫星航迹角噪声",
+    meaning: "以卫星航迹角作航向时的噪声密度；只用于机头朝向即前进方向的载具。",
+  },
+  course_speed_m_s: {
+    en: "Slowest speed for the course",
+    zh: "采用航迹角的最低速度",
+    meaning: "航迹角可作航向的最低地速。",
+  },
+  accel_error_m_s2: {
+    en: "Horizontal acceleration error",
+    zh: "水平加速度误差",
+    meaning: "倾斜误差留下的水平加速度误差的大小：一度为 0.17。",
+  },
+  accel_error_tau_s: {
+    en: "Time the acceleration error lasts",
+    zh: "加速度误差的相关时间",
+    meaning: "该误差保持相近的时间。",
+  },
+  accel_error_down_m_s2: {
+    en: "Vertical acceleration error",
+    zh: "垂直加速度误差",
+    meaning: "垂直加速度误差的大小：加速度计的零偏与刻度。",
+  },
+  gnss_position_m: {
+    en: "GNSS position error",
+    zh: "卫星水平位置误差",
+    meaning: "接收机的水平位置误差；不设则采用其自报值。",
+  },
+  gnss_height_m: {
+    en: "GNSS height error",
+    zh: "卫星高度误差",
+    meaning: "接收机的高度误差；不设则采用其自报值。",
+  },
+  gnss_velocity_m_s: {
+    en: "GNSS velocity error",
+    zh: "卫星速度误差",
+    meaning: "接收机的速度误差；不设则采用其自报值，但不小于 0.03 m/s。",
+  },
+  reaccept_s: {
+    en: "Time until refused ones win",
+    zh: "重新接受时间",
+    meaning: "距上次被采用这么久之后，连续三个被拒绝的量测视为正确，由此重新开始。",
+  },
+  "altitude_kalman.reaccept_s": {
+    en: "Time until refused ones win",
+    zh: "重新接受时间",
+    meaning: "距上次被采用这么久之后，连续三个被拒绝的高度视为正确，高度转到那里。",
+  },
+  baro_zero_samples: {
+    en: "Samples for the barometer's zero",
+    zh: "气压零点样本数",
+    meaning: "起始时用于零点平均的气压高度个数；越多越稳。",
+  },
+  baro_zero_s: {
+    en: "Longest time for the zero",
+    zh: "零点平均最长时间",
+    meaning: "零点平均的最长时间，无论气压计多慢。",
+  },
+  baro_tau_s: {
+    en: "Time constant of the height",
+    zh: "高度时间常数",
+    meaning: "高度趋于气压高度所用的时间；越长越平滑，越相信加速度计。",
+  },
+  velocity_tau_s: {
+    en: "Time constant of the speed",
+    zh: "速度时间常数",
+    meaning: "速度趋于气压变化所示值所用的时间；越长越平滑，误差也持续更久。",
+  },
+  accel_cutoff_hz: {
+    en: "Cut-off of the acceleration",
+    zh: "加速度截止频率",
+    meaning: "垂直加速度低通的截止频率；越低越能去除振动，延迟也越大。",
+  },
+  offset_tau_s: {
+    en: "Time constant of the offset",
+    zh: "偏移时间常数",
+    meaning: "加速度偏移的平均时间；越短学得越快，也会忘掉真实运动。",
+  },
+  baro_weight_per_s: {
+    en: "Weight of the barometer",
+    zh: "气压计权重",
+    meaning: "气压计相对加速度计的权重；越大越快跟随气压计。",
+  },
+  accel_bias_weight_per_s: {
+    en: "Weight of the accelerometer bias",
+    zh: "加速度计零偏权重",
+    meaning: "学习加速度计零偏的快慢；应远小于气压计的权重。",
+  },
+  jerk_noise_m_s3_rthz: {
+    en: "Jerk noise density",
+    zh: "加加速度噪声密度",
+    meaning: "真实加速度变化的快慢；越大越快跟随机动，延迟小而噪声大。",
+  },
+  tau_accel_s: {
+    en: "Time constant of the tilt",
+    zh: "倾斜时间常数",
+    meaning: "倾斜修正的时间常数；越大越少把加速度当作倾斜。",
+  },
+  tau_mag_s: {
+    en: "Time constant of the heading",
+    zh: "航向时间常数",
+    meaning: "磁航向修正的时间常数；越大越能忽略短暂干扰。",
+  },
+  motion_bias: {
+    en: "Gyro bias learned in motion",
+    zh: "运动中估计陀螺零偏",
+    meaning: "打开时在运动中也估计陀螺零偏。",
+  },
+  rest_bias: {
+    en: "Gyro bias learned at rest",
+    zh: "静止时估计陀螺零偏",
+    meaning: "打开时在静止时估计陀螺零偏。",
+  },
+  mag_rejection: {
+    en: "Unusual fields ignored",
+    zh: "忽略异常磁场",
+    meaning: "打开时忽略强度或倾角异常的磁场。",
+  },
+  rest_gyro_rad_s: {
+    en: "Rate change that counts as rest",
+    zh: "静止判据：角速率变化",
+    meaning: "仍算静止的最大角速率变化；越大越早判为静止。",
+  },
+  rest_accel_m_s2: {
+    en: "Force change that counts as rest",
+    zh: "静止判据：比力变化",
+    meaning: "仍算静止的最大比力变化；越大越早判为静止。",
+  },
+};
