@@ -11,7 +11,7 @@ export default defineConfig({
     outDir: "../server/web_dist",
     emptyOutDir: true,
     target: "es2022",
-    chunkSizeWarningLimit: 300,
+    chunkSizeWarningLimit: 500,
   },
   server: {
     host: "127.0.0.1",

@@ -38,7 +38,7 @@ def slug_of(name: str) -> str:
 
 def inks(names: Iterable[str]) -> dict[str, Ink]:
     """Return one ink a name: a lane in its fixed colour and dash, anything else by place."""
-    from server.nav.lanes.registry import LANES
+    from server.nav.lanes.registry import RECORDED_LANES as LANES
 
     out: dict[str, Ink] = {}
     for place, name in enumerate(dict.fromkeys(names)):

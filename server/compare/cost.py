@@ -2,8 +2,9 @@
 
 from __future__ import annotations
 
-from collections.abc import Mapping, Sequence
+from collections.abc import Callable, Mapping, Sequence
 from dataclasses import dataclass, field
+from functools import partial
 from time import perf_counter_ns
 from typing import Any, Final
 
@@ -35,15 +36,19 @@ class TimedLane:
         self._lane, self._meter = lane, meter
 
     def __getattr__(self, name: str) -> Any:  # noqa: ANN401  # whatever else the lane has
-        return getattr(self._lane, name)
+        value = getattr(self._lane, name)
+        return partial(self._timed, value) if name == "finish" else value
+
+    def _timed(self, call: Callable[..., LaneResult], *values: object) -> LaneResult:
+        begun = perf_counter_ns()
+        result = call(*values)
+        self._meter.ns += perf_counter_ns() - begun
+        return result
 
     def step(self, steps: Float, meas: Float, t_ns: Int) -> LaneResult:
         """Advance the lane, its time taken."""
-        begun = perf_counter_ns()
-        result = self._lane.step(steps, meas, t_ns)
-        self._meter.ns += perf_counter_ns() - begun
         self._meter.steps += len(steps)
-        return result
+        return self._timed(self._lane.step, steps, meas, t_ns)
 
 
 class TimedBank(LaneBank):
@@ -110,6 +115,8 @@ def _times(
             meter.ns = 0
         begun = perf_counter_ns()
         engine.step(block)
+        if place == len(blocks) - 1:
+            engine.finish()
         times[""][place] = perf_counter_ns() - begun
         for name, meter in engine.meters.items():
             times.setdefault(name, np.zeros(len(blocks), dtype=np.int64))[place] = meter.ns

@@ -75,7 +75,7 @@ def fly(
     for block in blocks:
         if not out.flights or out.flights[-1].boot.boot_id != block.boot_id:
             if out.flights:
-                out.flights[-1].boot.snapshot = engine.snapshot()
+                out.flights[-1].boot.close(engine.finish(), engine.snapshot)
             out.flights.append(Flight(boot=Boot(boot_id=block.boot_id)))
         out.flights[-1].add(block, engine.step(block))
         if kept < SAMPLES:
@@ -84,7 +84,7 @@ def fly(
         if progress is not None and fraction is not None:
             progress(fraction())
     if out.flights:
-        out.flights[-1].boot.snapshot = engine.snapshot()
+        out.flights[-1].boot.close(engine.finish(), engine.snapshot)
     else:
         out.flights.append(Flight(boot=Boot(boot_id=0)))
     return out

@@ -161,11 +161,11 @@ class NavEngine:
         return self._bank.covariance(lane)
 
     def _resolve_delays(self, profile_s: tuple[float, ...]) -> None:
-        """Settings win over the protocol's profile, the profile over zero."""
+        """Settings win over the protocol's profile; NaN = nobody knows."""
         own = self._settings
         given = (own.imu_delay_s, own.mag_delay_s, own.gnss_delay_s, own.baro_delay_s)
         for i, (setting, profile) in enumerate(zip(given, profile_s, strict=True)):
-            self._delays_s[i] = setting if math.isfinite(setting) else (profile if math.isfinite(profile) else 0.0)
+            self._delays_s[i] = setting if math.isfinite(setting) else profile
 
     def _configure(self, kind: Kind, row: Float) -> None:
         """Take what the board says of itself."""
@@ -213,7 +213,7 @@ class NavEngine:
     def _run_lanes(self, steps: Float, meas: Float, part: Part) -> None:
         """Run every lane, in two halves when the site is settled in between."""
         self._steps += len(steps)
-        withhold(meas, self._withheld_ns, self._delays_s[2], self._use)
+        withhold(meas, self._withheld_ns, float(np.nan_to_num(self._delays_s[2])), self._use)
         part.filtered = np.empty((len(steps), len(STEP_COLUMNS)))
         filtered_rows(steps, meas, self._held, part.filtered)
         part.t_ns = steps[:, at.U_T].astype(np.int64) + self._t0_ns

@@ -15,7 +15,8 @@ from server.compare.run import compare_log
 from server.compare.schemas import schemas, shipped
 from server.compare.tables import main_window
 from server.magnetic import wmm_field
-from server.nav.lanes.registry import LANES, defaults_of
+from server.nav.lanes.registry import RECORDED_LANES as LANES
+from server.nav.lanes.registry import defaults_of
 from server.nav.types import EngineSettings
 from server.replay.errors import ReplayError
 from server.replay.run import nav_engine, replay

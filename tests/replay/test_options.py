@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import pytest
 
-from server.nav.engine import LANES
+from server.nav.lanes.registry import RECORDED_LANES as LANES
 from server.nav.lanes.registry import parameters_of
 from server.replay.errors import ReplayError
 from server.replay.options import checked_outage, lanes_from_text, merged, outage_from_text, values_from_texts

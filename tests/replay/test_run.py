@@ -10,7 +10,7 @@ from typing import Any
 
 import pytest
 
-from server.nav.engine import LANES
+from server.nav.lanes.registry import RECORDED_LANES as LANES
 from server.nav.lanes.registry import parameters_of, provides_of
 from server.replay.errors import ReplayError
 from server.replay.run import replay

@@ -12,7 +12,7 @@ from typing import Any
 import pytest
 from pymavlink.dialects.v20 import all as dialect
 
-from server.nav.engine import LANES
+from server.nav.lanes.registry import RECORDED_LANES as LANES
 from server.replay.errors import ReplayError
 from server.replay.run import replay
 from tests.replay.sensor_folders import OUTPUT_HEADER, SECOND_NS, read_csv

@@ -158,8 +158,8 @@ def _field_from_mean(x: Float, aux: Float) -> None:
     aux[A_FIELD_D] = R[6] * mx + R[7] * my + R[8] * mz
 
 
-@kernel("void(float64[::1], float64[::1], float64[::1], float64[::1], int64[::1], float64[::1])")
-def _couple_heading(x: Float, P: Float, par: Float, aux: Float, ctl: Int, work: Float) -> None:
+@kernel("void(float64[::1], float64[::1], float64[::1], float64[::1], float64[::1], int64[::1], float64[::1])")
+def _couple_heading(x: Float, P: Float, u: Float, par: Float, aux: Float, ctl: Int, work: Float) -> None:
     """Say what a heading taken from the field carries: the errors of tilt, Earth field and magnetic bias.
 
     Heading known to a radian, then the mean field fused as any later one will be: at 64° north four times the tilt's
@@ -177,7 +177,7 @@ def _couple_heading(x: Float, P: Float, par: Float, aux: Float, ctl: Int, work: 
     for i in range(N):
         work[W_DX + i] = 0.0
     for i in range(3):
-        observe(x, work, i)
+        observe(x, u, work, i)
         innovation = R[3 * i] * m[0] + R[3 * i + 1] * m[1] + R[3 * i + 2] * m[2] - x[X_FIELD + i]
         total = project(P, work) + par[PAR_MAG_NOISE] ** 2
         fuse(P, work, innovation - correction_seen(work), total)
@@ -215,15 +215,15 @@ def _set(x: Float, P: Float, ax: float, ay: float, az: float, par: Float, aux: F
     ctl[C_MODE] = ATTITUDE
 
 
-@kernel("boolean(float64[::1], float64[::1], float64[::1], float64[::1], int64[::1], float64[::1])")
-def _done(x: Float, P: Float, par: Float, aux: Float, ctl: Int, work: Float) -> bool:
+@kernel("boolean(float64[::1], float64[::1], float64[::1], float64[::1], float64[::1], int64[::1], float64[::1])")
+def _done(x: Float, P: Float, u: Float, par: Float, aux: Float, ctl: Int, work: Float) -> bool:
     """Close an alignment. A gyro bias learned before a hole in the data is better than a mean that may hold a turn."""
     if ctl[C_ALIGNED_BEFORE]:
         for i in range(3):
             P[packed(GYRO_BIAS + i, GYRO_BIAS + i)] = GYRO_BIAS_SIGMA_AGAIN_RAD_S**2
     ctl[C_ALIGNED_BEFORE] = 1
     if ctl[C_HAS_HEADING]:
-        _couple_heading(x, P, par, aux, ctl, work)
+        _couple_heading(x, P, u, par, aux, ctl, work)
     return True
 
 
@@ -247,7 +247,7 @@ def align(x: Float, P: Float, u: Float, par: Float, aux: Float, ctl: Int, work: 
         for i in range(3):
             P[packed(ATT + i, ATT + i)] += MOVING_TILT_SIGMA_RAD**2
             P[packed(GYRO_BIAS + i, GYRO_BIAS + i)] = GYRO_BIAS_SIGMA_MOVING_RAD_S**2
-        return _done(x, P, par, aux, ctl, work)
+        return _done(x, P, u, par, aux, ctl, work)
     _collect(u, aux)
     ctl[C_ALIGN_STEPS] += 1
     n = ctl[C_ALIGN_STEPS]
@@ -258,7 +258,7 @@ def align(x: Float, P: Float, u: Float, par: Float, aux: Float, ctl: Int, work: 
         if not ctl[C_ALIGNED_BEFORE]:
             x[X_GYRO_BIAS + i] = aux[A_GYRO_SUM + i] / n
         P[packed(GYRO_BIAS + i, GYRO_BIAS + i)] = GYRO_BIAS_SIGMA_REST_RAD_S**2
-    return _done(x, P, par, aux, ctl, work)
+    return _done(x, P, u, par, aux, ctl, work)
 
 
 @kernel("void(float64[::1], float64[::1], float64, float64)")

@@ -46,6 +46,7 @@ from server.nav.ekf.layout import (
     UNDECIDED,
     W_DX,
     W_INNOV,
+    W_LEARN,
     W_OBS,
     W_RATIO,
 )
@@ -171,6 +172,7 @@ def handle(
     if not undecided and h[H_STATUS] != FUSED and h[H_STATUS] != RESET:
         return
     clear_record(work)
+    work[W_LEARN] = 1.0 if undecided else 0.0
     if aid == GNSS_POSITION:
         _position(h, x, P, u, par, aux, ctl, work, events)
     elif aid == YAW:

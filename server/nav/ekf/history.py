@@ -10,7 +10,21 @@ from __future__ import annotations
 
 from server.nav.codes import REFUSED_STALE
 from server.nav.ekf.handle import clear_record, handle, record
-from server.nav.ekf.layout import C_HEAD, C_OVERFLOW, C_VALID, H_AID, H_SIZE, H_T, SLOT_MEASUREMENTS, U_T, W_DIM
+from server.nav.ekf.layout import (
+    C_HEAD,
+    C_OVERFLOW,
+    C_VALID,
+    DELAYS,
+    H_AID,
+    H_SIZE,
+    H_T,
+    SENS,
+    SLOT_MEASUREMENTS,
+    U_T,
+    W_DELAYS,
+    W_DIM,
+    W_SENS,
+)
 from server.nav.ekf.predict import predict
 from server.nav.kernel import kernel
 from server.nav.types import Float, Int
@@ -21,6 +35,26 @@ def copy(source: Float, target: Float, n: int) -> None:
     """Copy the first n numbers; a slice assignment would look for overlap first."""
     for i in range(n):
         target[i] = source[i]
+
+
+@kernel("void(float64[::1], float64[::1], float64[::1])")
+def save(x: Float, work: Float, slot: Float) -> None:
+    """Keep the nominal state and, while delays are estimated, its sensitivities."""
+    n = x.shape[0]
+    copy(x, slot, n)
+    if work[W_DELAYS] > 0.0:
+        for i in range(DELAYS * SENS):
+            slot[n + i] = work[W_SENS + i]
+
+
+@kernel("void(float64[::1], float64[::1], float64[::1])")
+def restore(slot: Float, x: Float, work: Float) -> None:
+    """Take back what `save` kept."""
+    n = x.shape[0]
+    copy(slot, x, n)
+    if work[W_DELAYS] > 0.0:
+        for i in range(DELAYS * SENS):
+            work[W_SENS + i] = slot[n + i]
 
 
 @kernel("int64(float64[::1])", inline=True)
@@ -38,7 +72,7 @@ def push(u: Float, x: Float, P: Float, ctl: Int, work: Float, r_u: Float, r_x: F
     """Open a slot for the step whose end the state has just been predicted to."""
     slot = ctl[C_HEAD] % r_u.shape[0]
     copy(u, r_u[slot], r_u.shape[1])
-    copy(x, r_x[slot], r_x.shape[1])
+    save(x, work, r_x[slot])
     copy(P, r_P[slot], active(work))
     r_n[slot] = 0
     ctl[C_HEAD] += 1
@@ -118,14 +152,14 @@ def rerun(
     """Repeat the filter from slot number `dirty` to the newest; x and P end as the present."""
     size = r_u.shape[0]
     slot = dirty % size
-    copy(r_x[slot], x, x.shape[0])
+    restore(r_x[slot], x, work)
     n = active(work)
     copy(r_P[slot], P, n)
     for k in range(dirty, ctl[C_HEAD]):
         slot = k % size
         if k > dirty:
             predict(x, P, r_u[slot], par, aux, ctl, work)
-            copy(x, r_x[slot], x.shape[0])
+            save(x, work, r_x[slot])
             copy(P, r_P[slot], n)
         for i in range(r_n[slot]):
             handle(r_m[slot, i], x, P, r_u[slot], par, aux, ctl, work, aids, aid_t, events, t_ns)

@@ -20,6 +20,8 @@ from server.nav.codes import (
     REFUSED_NOT_READY,
 )
 from server.nav.ekf.aiding.yaw import heading_due
+from server.nav.ekf.delays import MAG as MAG_DELAY
+from server.nav.ekf.delays import POSITION, VELOCITY, use_estimate
 from server.nav.ekf.handle import clear_record, record
 from server.nav.ekf.history import attach
 from server.nav.ekf.layout import (
@@ -55,6 +57,8 @@ from server.nav.ekf.layout import (
     PAR_IMU_DELAY,
     PAR_MAG_DELAY,
     UNDECIDED,
+    W_DELAYS,
+    W_USED,
 )
 from server.nav.ekf.yaw_bank import bank_velocity
 from server.nav.kernel import kernel
@@ -160,6 +164,15 @@ def take(
     aid = GNSS_POSITION if kind == GNSS else (BARO_HEIGHT if kind == BARO else MAG_FIELD)
     if kind == AIRSPEED:
         aid, delay = AIRSPEED_AID, par[PAR_BARO_DELAY]  # a pressure sensor as well
+    if kind == MAG:
+        delay += work[W_USED + MAG_DELAY]
+        use_estimate(work, MAG_DELAY)
+    slower = 0.0
+    if kind == GNSS and work[W_DELAYS] > 0.0:
+        delay += work[W_USED + POSITION]
+        slower = work[W_USED + VELOCITY] - work[W_USED + POSITION]
+        use_estimate(work, POSITION)
+        use_estimate(work, VELOCITY)
     t_valid = m[M_T] + (par[PAR_IMU_DELAY] - delay) * 1e9
     status = int(m[M_STATUS])
     if kind == AIRSPEED and status == FUSED:
@@ -187,7 +200,7 @@ def take(
         return dirty
     if kind == GNSS:
         _note_gnss(m, t_valid, aux)
-        moved = bank_velocity(t_valid, m[M_DATA + 3], m[M_DATA + 4], m[M_DATA + 8], bank)
+        moved = bank_velocity(t_valid - slower * 1e9, m[M_DATA + 3], m[M_DATA + 4], m[M_DATA + 8], bank)
         if moved and heading_due(t_ns, x, P, aux, ctl, bank, h):
             dirty = attach(h, dirty, t_ns, ctl, work, r_u, r_m, r_n, aids, aid_t)
         if math.isfinite(m[M_DATA]) and math.isfinite(m[M_DATA + 1]):
@@ -196,7 +209,7 @@ def take(
             dirty = attach(h, dirty, t_ns, ctl, work, r_u, r_m, r_n, aids, aid_t)
         if not (math.isfinite(m[M_DATA + 3]) and math.isfinite(m[M_DATA + 4])):
             return dirty
-        _start_row(h, GNSS_VELOCITY, t_valid, m)
+        _start_row(h, GNSS_VELOCITY, t_valid - slower * 1e9, m)
         velocity_row(h, m)
     else:
         _start_row(h, aid, t_valid, m)

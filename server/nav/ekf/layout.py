@@ -149,7 +149,16 @@ W_VAR: Final = 96
 W_RATIO: Final = 99
 W_DIM: Final = 100  # error states that are active (`states`); not scratch: set when a block is switched on
 W_LOG: Final = 101  # one more than the scalar updates logged behind W_SIZE (`update.log_scalar`); 0 = none are kept
-W_SIZE: Final = 102
+W_DELAYS: Final = 102  # 1 while delays are estimated (`delays`); from here on kept between steps
+W_LEARN: Final = 103  # 1 while a measurement is handled for the first time
+W_D: Final = 104  # (3) −∂h/∂t of the scalar at hand, by delay
+W_DELTA: Final = 107  # (3) estimate of what the delays in use lack, s
+W_USED: Final = 110  # (3) found so far and in use, s
+W_M: Final = 113  # (3, 3) covariance of the estimate, s²
+W_SENS: Final = 122  # (3, SENS) sensitivities of the state error
+DELAYS: Final = 3
+SENS: Final = 32  # columns a sensitivity may take
+W_SIZE: Final = W_SENS + DELAYS * SENS
 
 # Events the kernel reports: code, time ns, size, second size.
 E_ALIGNED: Final = 1  # heading sigma rad, tilt sigma rad

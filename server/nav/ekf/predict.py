@@ -8,6 +8,7 @@ from typing import Final
 from server.nav.constants import EARTH_RATE_RAD_S
 from server.nav.earth import curvature_radii, gravity_and_radii, normal_gravity
 from server.nav.ekf.covariance import predict_covariance
+from server.nav.ekf.delays import predict_sensitivities
 from server.nav.ekf.layout import (
     A_GRAVITY,
     C_HAS_SITE,
@@ -24,6 +25,7 @@ from server.nav.ekf.layout import (
     U_DVEL,
     U_GAP_S,
     U_VIBRATION,
+    W_DELAYS,
     W_DIM,
 )
 from server.nav.ekf.states import (
@@ -178,3 +180,5 @@ def predict(x: Float, P: Float, u: Float, par: Float, aux: Float, ctl: Int, work
     """
     _move(x, u, work, aux, ctl)
     _predict_errors(P, u, par, work)
+    if work[W_DELAYS] > 0.0:
+        predict_sensitivities(work)

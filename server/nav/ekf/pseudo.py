@@ -76,11 +76,11 @@ def pseudo_measurements(
     """
     t = u[U_T]
     rest(u, par, aux, ctl, gravity_here(x, aux, ctl))
-    if ctl[C_POSITIONED] and par[PAR_VEHICLE] == FIXED_WING and t - aux[A_T_SIDESLIP] >= WHEELS_INTERVAL_NS:
-        if x[X_VEL] ** 2 + x[X_VEL + 1] ** 2 > FLYING_M_S**2:
-            aux[A_T_SIDESLIP] = t
-            _pseudo(h, u, SIDESLIP)
-            dirty = attach(h, dirty, t, ctl, work, r_u, r_m, r_n, aids, aid_t)
+    flying = par[PAR_VEHICLE] == FIXED_WING and x[X_VEL] ** 2 + x[X_VEL + 1] ** 2 > FLYING_M_S**2
+    if ctl[C_POSITIONED] and flying and t - aux[A_T_SIDESLIP] >= WHEELS_INTERVAL_NS:
+        aux[A_T_SIDESLIP] = t
+        _pseudo(h, u, SIDESLIP)
+        dirty = attach(h, dirty, t, ctl, work, r_u, r_m, r_n, aids, aid_t)
     if ctl[C_POSITIONED] and par[PAR_VEHICLE] == CAR and t - aux[A_T_WHEELS] >= WHEELS_INTERVAL_NS:
         aux[A_T_WHEELS] = t
         _pseudo(h, u, WHEELS)

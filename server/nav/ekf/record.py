@@ -1,8 +1,9 @@
 """What the smoother needs of the filter's way: each history slot as it ends, and what its measurements did to it.
 
-A slot that leaves the history is final: its measurements have been decided on and every late one is in. Its
-corrections are repeated once more, on a copy, and logged scalar by scalar. With that log the pass back needs no model
-of any measurement. Resets are logged as what they are: states that nothing later tells anything about.
+A slot that leaves the history is final: its measurements have been decided on and every late one is in. A second state
+follows the filter at that distance: predicted by the same steps, corrected by the same measurements with the variances
+decided on, in order of validity. What each scalar did is logged, so the pass back needs no model of any measurement.
+Resets are logged as what they are: states that nothing later tells anything about.
 """
 
 from __future__ import annotations
@@ -17,6 +18,7 @@ from server.nav.ekf.aiding.gnss import ALTITUDE_CORRELATION_S
 from server.nav.ekf.handle import handle
 from server.nav.ekf.history import copy
 from server.nav.ekf.layout import (
+    A_BARO_OFFSET,
     A_GNSS_INTERVAL,
     A_GNSS_WANDER_VAR,
     A_T_RESET,
@@ -108,7 +110,7 @@ def _apart(x: Float, y: Float, i: int) -> float:
 
 @kernel("boolean(float64[::1], float64[::1], float64[::1], float64[::1], boolean)")
 def _follows(x: Float, P: Float, y: Float, Q: Float, positioned: bool) -> bool:
-    """Return whether the recorded prediction y, Q is what x, P was predicted to; if not, something else happened."""
+    """Return whether the filter's prediction y, Q agrees with x, P; if not, something else happened to the filter."""
     for i in range(ATT, POS + 3 if positioned else VEL):
         k = packed(i, i)
         floor = APART_FLOORS[i // 3]
@@ -204,6 +206,7 @@ def _note_fix(t: Float, h: Float, P: Float, aux: Float, z: Float) -> None:
         total = t[T_DATUM_VAR] + P[packed(POS + 2, POS + 2)] + h[H_ACC + 2] ** 2 * slow
         t[T_DATUM_VAR] *= 1.0 - t[T_DATUM_VAR] / total
         z[Z_SHIFT] += h[H_SHIFT]
+        aux[A_BARO_OFFSET] += h[H_SHIFT]
 
 
 @kernel(
@@ -270,29 +273,48 @@ def _predict(
     work: Float,
     z: Float,
 ) -> None:
-    """Say whether the slot u with prediction y, Q follows from the state x, P before it; work[:13] is how."""
-    begun = u[U_T] - u[U_DT] * 1e9
-    linked = t[T_LINKED] > 0.0 and abs(begun - t[T_END]) < 0.5e9 * u[U_DT]
+    """Predict x, P over the step u, work[:13] says how; where that is not what the filter did, take its y, Q."""
+    linked = t[T_LINKED] > 0.0 and abs(u[U_T] - u[U_DT] * 1e9 - t[T_END]) < 0.5e9 * u[U_DT]
+    positioned = t[T_POSITIONED] > 0.0
     if linked:
         ctl[C_POSITIONED] = int(t[T_POSITIONED])
         predict(x, P, u, par, aux, ctl, work)
-        linked = _follows(x, P, y, Q, t[T_POSITIONED] > 0.0)
+        for i in range(0 if positioned else 3):  # as `run` holds them
+            x[X_VEL + i] = 0.0
+            reset_axis(P, VEL + i, 1.0)
+            reset_axis(P, POS + i, 1.0)
+        linked = _follows(x, P, y, Q, positioned)
     z[Z_LINKED] = 1.0 if linked else 0.0
     if not linked:
+        copy(y, x, x.shape[0])
+        copy(Q, P, P.shape[0])
         t[T_BOUNDARIES] += t[T_LINKED]
         t[T_POSITIONED] = t[T_BARO_SEEN] = t[T_DATUM_VAR] = 0.0
         t[T_GNSS] = t[T_BARO] = NEVER_NS
     z[Z_WAS_POSITIONED] = t[T_POSITIONED]
 
 
+@kernel("float64(int64, int64, float64[:, :, ::1], int64[::1])")
+def _shifts(first: int, end: int, r_m: Float, r_n: Int) -> float:
+    """Return how far the measurements of slots [first, end) have moved the baro's datum, m."""
+    total = 0.0
+    for k in range(first, end):
+        slot = k % r_n.shape[0]
+        for i in range(r_n[slot]):
+            if r_m[slot, i, H_STATUS] == FUSED:
+                total += r_m[slot, i, H_SHIFT]
+    return total
+
+
 @kernel(
-    "void(int64, int64, float64[::1], float64[::1], float64[::1], float64[::1], float64[::1], float64[::1],"
+    "void(int64, int64, int64, float64[::1], float64[::1], float64[::1], float64[::1], float64[::1], float64[::1],"
     " float64[::1], int64[::1], float64[::1], float64[:, ::1], float64[:, ::1], float64[:, ::1],"
     " float64[:, :, ::1], int64[::1], float64[:, ::1], float64[::1], float64[:, ::1], float64[:, ::1],"
     " float64[:, ::1], float64[:, ::1], float64[:, ::1], float64[:, ::1], float64[:, ::1], int64[::1])"
 )
 def record_slots(
     end: int,
+    head: int,
     valid: int,
     t: Float,
     x: Float,
@@ -322,8 +344,9 @@ def record_slots(
     """Record the slots from t[T_NEXT] up to `end`.
 
     Args:
+        head: number of the slot that comes next.
         valid: number of the oldest slot whose measurements can be repeated.
-        t, x, P: where the recording stands, and the corrected state at the slot before.
+        t, x, P: where the recording stands, and its state at the slot before.
         before, h: shapes (N,), (H_SIZE,), scratch.
         par, aux, ctl, work: the filter's parameters, and copies of its memory; the scratch has room for the log.
         r_u, r_x, r_P, r_m, r_n: the history.
@@ -332,6 +355,7 @@ def record_slots(
     """
     size = r_u.shape[0]
     ctl[C_HAS_HEADING] = ctl[C_BARO_SEEN] = 1
+    aux[A_BARO_OFFSET] -= _shifts(int(t[T_NEXT]), head, r_m, r_n)
     for k in range(int(t[T_NEXT]), end):
         slot, n = k % size, count[0]
         u, z = r_u[slot], z_s[n]
@@ -339,8 +363,6 @@ def record_slots(
             z[i] = 0.0
         _predict(t, x, P, r_x[slot], r_P[slot], u, par, ctl, aux, work, z)
         copy(work, z_f[n], F_SIZE)
-        copy(r_x[slot], x, x.shape[0])
-        copy(r_P[slot], P, P.shape[0])
         ctl[C_POSITIONED] = 1
         log = int(count[1])
         for i in range(r_n[slot] if k >= valid else 0):

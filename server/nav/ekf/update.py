@@ -4,7 +4,8 @@ from __future__ import annotations
 
 import math
 
-from server.nav.ekf.layout import W_DIM, W_DX, W_H, W_LOG, W_PH, W_SIZE
+from server.nav.ekf.delays import update_sensitivities
+from server.nav.ekf.layout import DELAYS, W_D, W_DELAYS, W_DIM, W_DX, W_H, W_LOG, W_PH, W_SIZE
 from server.nav.ekf.predict import move_position
 from server.nav.ekf.states import (
     ACCEL_BIAS,
@@ -94,6 +95,8 @@ def fuse(P: Float, work: Float, innovation: float, variance: float) -> None:
     """
     if work[W_LOG] > 0.0:
         log_scalar(work, innovation, variance)
+    if work[W_DELAYS] > 0.0:
+        update_sensitivities(work, innovation, variance)
     k = 0
     for i in range(int(work[W_DIM])):
         gain = work[W_PH + i] / variance
@@ -158,3 +161,5 @@ def clear_row(work: Float) -> None:
     """Set H = 0."""
     for j in range(N):
         work[W_H + j] = 0.0
+    for i in range(DELAYS):
+        work[W_D + i] = 0.0

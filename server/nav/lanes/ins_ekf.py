@@ -11,6 +11,7 @@ from server.nav.ekf import defaults
 from server.nav.ekf import layout as at
 from server.nav.ekf.align import turn_about_down
 from server.nav.ekf.blocks import start_field
+from server.nav.ekf.delays import start_delays
 from server.nav.ekf.run import run
 from server.nav.ekf.states import ATT, FIELD, INERTIAL, PACKED, WITH_MAG, X_POS, X_Q, X_SIZE, packed
 from server.nav.ekf.yaw_bank import new_bank
@@ -196,16 +197,27 @@ class InsEkf:
         self._aux[at.A_GRAVITY] = 9.80665
         self._work, self._h = np.zeros(at.W_SIZE), np.zeros(at.H_SIZE)
         self._work[at.W_DIM] = INERTIAL
-        self._r_u, self._r_x = np.zeros((slots, at.U_SIZE)), np.zeros((slots, X_SIZE))
+        self._r_u, self._r_x = np.zeros((slots, at.U_SIZE)), np.zeros((slots, X_SIZE + at.DELAYS * at.SENS))
         self._r_P = np.zeros((slots, PACKED))
         self._r_m = np.zeros((slots, at.SLOT_MEASUREMENTS, at.H_SIZE))
         self._r_n = np.zeros(slots, dtype=np.int64)
         self._bank = new_bank()
+        self._unknown = (False, False)
+        self._choose_delays(context)
         self._pending: list[Event] = []
 
     def configure(self, context: LaneContext) -> None:
         """Take other parameters from the next step on."""
         self._par = kernel_parameters(context)
+        self._choose_delays(context)
+
+    def _choose_delays(self, context: LaneContext) -> None:
+        """Estimate the delays that neither settings nor the protocol told."""
+        _, mag, gnss, _ = context.delays_s
+        unknown = (math.isnan(gnss), math.isnan(mag))
+        if unknown != self._unknown:
+            start_delays(self._work, unknown)
+            self._unknown = unknown
 
     def set_site(self, site: Site) -> None:
         """Take the origin and, where the model gave one, the field; a heading held against magnetic north turns."""

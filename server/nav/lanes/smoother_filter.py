@@ -76,6 +76,18 @@ class Recorder(InsEkf):
         self._own_work = np.zeros(at.W_SIZE + rec.LOG_ROOM * LOGGED)
 
     @property
+    def learns(self) -> bool:
+        """Return whether delays are estimated on line."""
+        return bool(self._work[at.W_DELAYS])
+
+    def take_delays(self, found: Recorder) -> None:
+        """Start with the delays that another run over the same recording has ended with."""
+        mine, theirs = self._work, found._work
+        used, left = slice(at.W_USED, at.W_USED + at.DELAYS), slice(at.W_DELTA, at.W_DELTA + at.DELAYS)
+        error = slice(at.W_M, at.W_M + at.DELAYS**2)
+        mine[used], mine[error] = theirs[used] + theirs[left], theirs[error]
+
+    @property
     def room(self) -> int:
         """Slots that may still be recorded after the last step of a window."""
         return len(self._r_u)
@@ -89,7 +101,7 @@ class Recorder(InsEkf):
             return
         self._own_work[at.W_DIM] = self._work[at.W_DIM]
         rec.record_slots(
-            end, head - alive, self.t, self._own_x, self._own_P, self._before, self._h, self._par, self._aux.copy(),
+            end, head, head - alive, self.t, self._own_x, self._own_P, self._before, self._h, self._par, self._aux.copy(),
             self._ctl.copy(), self._own_work, self._r_u, self._r_x, self._r_P, self._r_m, self._r_n,
             np.empty((1, len(AID_COLUMNS))), np.empty(1), np.empty((8, at.E_SIZE)), *tape.arrays(more),
         )  # fmt: skip
@@ -194,6 +206,11 @@ def smooth_all(
     way = Way(steps=steps, meas=meas, t_ns=t_ns, rows=np.empty((len(steps), len(LANE_COLUMNS))))
     windows = _windows(_chunks(steps, recorder.chunk), max(window_steps, 8 * recorder.chunk))
     tape = Tape(max(w[-1].end - w[0].begin for w in windows) + recorder.room)
+    if recorder.learns:  # what it learns of the delays counts from the first step
+        for window in windows:
+            way.run(recorder, window, tape)
+        learned, recorder = recorder, start()
+        recorder.take_delays(learned)
     saved = []
     for window in windows:
         saved.append(copy.deepcopy(vars(recorder)))

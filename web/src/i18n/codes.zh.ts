@@ -147,6 +147,14 @@ export const codesZh: Readonly<Record<string, { cause: string; remedy?: string }
   "aid-refused-order": { cause: "{subject}未被使用：时间戳倒退。", remedy: "检查飞控板时钟与链路。" },
   // estimator
   "lane-failed": { cause: "估计器失效：其状态不再一致。", remedy: "保持载具静止；它会自行重新开始。" },
+  "lane-put-aside": {
+    cause: "{subject}因故障停止，已被停用。",
+    remedy: "请重新启动；若改过设置请恢复，并报告此问题。",
+  },
+  "magnetic-model-date": {
+    cause: "日期超出磁场模型的有效期；使用其 {decimal_year} 年的磁场。",
+    remedy: "检查飞控板或设置中的日期，或升级 navdeck。",
+  },
   "lane-aligning": { cause: "估计器正在寻找水平与北向。", remedy: "请保持载具静止几秒。" },
   "lane-attitude-only": { cause: "姿态已知，位置未知：尚无卫星定位。", remedy: "让卫星天线对天空无遮挡。" },
   "dead-reckoning": {
@@ -165,7 +173,20 @@ export const codesZh: Readonly<Record<string, { cause: string; remedy?: string }
   "heading-from-course": { cause: "已由卫星航迹角得到航向：{yaw_rad}。" },
   "filter-failed": { cause: "滤波器数值失效并重新开始；请报告此问题。" },
   "imu-gap": { cause: "{gap_s} s 没有惯性数据：重新对准。请检查链路与飞控板负荷。" },
+  "lanes-chosen": { cause: "已选择估计器：{list}。" },
+  "lane-parameters-set": { cause: "估计器设置已更改：{list}。" },
   // requests
+  "lane-not-running": { cause: "此估计器没有运行。", remedy: "请在“估计器”页打开它。" },
+  "no-such-lane": { cause: "没有这个估计器。", remedy: "请重新载入本页。" },
+  "bad-lanes": { cause: "估计器的选择无效。", remedy: "至少选择一个，每个只选一次；第一个为主。" },
+  "no-such-parameter": { cause: "此估计器没有这个设置。", remedy: "请重新载入本页。" },
+  "bad-parameter": { cause: "设置的值无效。", remedy: "请输入所示范围内的值。" },
+  "parameter-out-of-range": { cause: "{name} 须在 {low} 到 {high} 之间。", remedy: "请输入所示范围内的值。" },
+  "invalid-value": { cause: "有值无效，已被拒绝。", remedy: "请更正后重试。" },
+  "board-not-running": { cause: "该飞控板没有在运行，估计器都不工作。", remedy: "请先重新连接。" },
+  "board-removed": { cause: "该飞控板已被移除。" },
+  "no-such-board": { cause: "没有这块飞控板。", remedy: "请重新选择飞控板。" },
+  "no-such-topic": { cause: "服务没有这个数据。", remedy: "请重新载入本页。" },
   "service-unreachable": { cause: "navdeck 没有应答。" },
   "wrong-token": { cause: "此令牌无效。" },
   "too-many-guesses": { cause: "尝试次数过多。", remedy: "请稍候再试。" },

@@ -71,8 +71,8 @@ export const en = {
   "lane.off": "Off",
   "lane.aside": "Put aside",
   "lane.starting": "Starting",
-  "lane.name.complementary_1": "Complementary, by axis",
-  "lane.name.kalman_angle_bias": "Kalman, angle and bias",
+  "lane.name.complementary_1": "Axis complementary",
+  "lane.name.kalman_angle_bias": "Angle-bias Kalman",
   "lane.name.dmp": "Motion processor",
   "lane.name.complementary": "Complementary",
   "lane.name.ahrs_fixed_gain": "AHRS, fixed gains",
@@ -95,10 +95,12 @@ export const en = {
     "A Kalman filter whose gains are fixed at their steady state; the heading is corrected by GNSS motion.",
   "lane.is.nav_position":
     "Smooth velocity and position from GNSS, acceleration and barometer, given the attitude.",
-  "lane.is.altitude_complementary": "Vertical acceleration integrated twice, blended with the barometer.",
+  "lane.is.altitude_complementary":
+    "Vertical acceleration integrated twice, blended with the barometer; zero is where it was switched on.",
   "lane.is.altitude_inertial":
-    "Predicted by the accelerometer, corrected by the barometer, with bias feedback.",
-  "lane.is.altitude_kalman": "Kalman filter of height, vertical speed, acceleration and its bias.",
+    "Predicted by the accelerometer, corrected by the barometer, with bias feedback; zero is where it was switched on.",
+  "lane.is.altitude_kalman":
+    "Kalman filter of height, vertical speed, acceleration and its bias; zero is where it was switched on.",
   "lane.is.vqf": "The published VQF filter with its magnetic rejection; a yardstick.",
   "lane.is.onboard": "What the autopilot itself reports, repeated as it comes.",
   "lane.is.reference":
@@ -417,9 +419,10 @@ export const en = {
   "fix.6": "RTK fixed",
 
   "est.title": "Estimators",
+  "est.speed": "Speed",
   "est.yardstick": "Compared with",
   "est.twoLines": "Upper line: the value. Lower line: how much more that is than {lane}'s.",
-  "est.apart": "Apart (°, m)",
+  "est.apart": "Apart",
   "est.sigmaAngles": "σ tilt, heading",
   "est.sigmaPlace": "σ horizontal, vertical",
   "est.isYardstick": "yardstick",
@@ -451,7 +454,7 @@ export const en = {
 
   "lanes.title": "Choose estimators",
   "lanes.count": "{n} of {all} run",
-  "lanes.gives": "Gives {what}.",
+  "lanes.give": "Give {what}",
   "lanes.switch": "Run {lane}",
   "lanes.lastOne": "One estimator has to run; switch another one on first.",
   "lanes.nowOn": "{lane} was switched on.",

@@ -11,6 +11,7 @@ from typing import Final
 
 from server.nav.codes import FUSED, REFUSED_GATE
 from server.nav.earth import curvature_radii, ned_from_lla
+from server.nav.ekf.delays import POSITION, VELOCITY
 from server.nav.ekf.layout import (
     A_BARO_OFFSET,
     A_BARO_OFFSET_VAR,
@@ -37,6 +38,7 @@ from server.nav.ekf.layout import (
     U_GYRO,
     U_T,
     UNDECIDED,
+    W_D,
     W_H,
     W_INNOV,
     W_OBS,
@@ -130,11 +132,14 @@ def _judge(h: Float, P: Float, par: Float, work: Float, state: int, n: int) -> N
     h[H_STATUS] = FUSED if worst <= 1.0 else REFUSED_GATE
 
 
-@kernel("void(float64[::1], float64[::1], int64, float64, float64)")
-def _fuse_axis(P: Float, work: Float, state: int, innovation: float, variance: float) -> None:
-    """Fuse one directly observed state."""
+@kernel("void(float64[::1], float64[::1], int64, float64, float64, int64, float64)")
+def _fuse_axis(
+    P: Float, work: Float, state: int, innovation: float, variance: float, delay: int, change: float
+) -> None:
+    """Fuse one directly observed state, which changes by so much a second and is late by delay number `delay`."""
     clear_row(work)
     work[W_H + state] = 1.0
+    work[W_D + delay] = -change
     total = project(P, work) + variance
     fuse(P, work, innovation - correction_seen(work), total)
 
@@ -181,10 +186,10 @@ def position(h: Float, x: Float, P: Float, u: Float, par: Float, aux: Float, ctl
         _decide_position(h, P, par, aux, ctl, work)
     if h[H_STATUS] != FUSED:
         return
-    _fuse_axis(P, work, POS, work[W_INNOV], h[H_VAR])
-    _fuse_axis(P, work, POS + 1, work[W_INNOV + 1], h[H_VAR + 1])
+    _fuse_axis(P, work, POS, work[W_INNOV], h[H_VAR], POSITION, ant[3])
+    _fuse_axis(P, work, POS + 1, work[W_INNOV + 1], h[H_VAR + 1], POSITION, ant[4])
     if h[H_VAR + 2] > 0.0:
-        _fuse_axis(P, work, POS + 2, work[W_INNOV + 2], h[H_VAR + 2])
+        _fuse_axis(P, work, POS + 2, work[W_INNOV + 2], h[H_VAR + 2], POSITION, ant[5])
     x[X_POS + 2] += h[H_SHIFT]
 
 
@@ -228,4 +233,4 @@ def velocity(h: Float, x: Float, P: Float, u: Float, par: Float, aux: Float, ctl
         _judge(h, P, par, work, VEL, n)
     if h[H_STATUS] == FUSED:
         for i in range(n):
-            _fuse_axis(P, work, VEL + i, work[W_INNOV + i], h[H_VAR + i])
+            _fuse_axis(P, work, VEL + i, work[W_INNOV + i], h[H_VAR + i], VELOCITY, ant[6 + i])

@@ -12,6 +12,7 @@ from typing import Final
 
 from server.nav.codes import FUSED, REFUSED_DISTURBED, REFUSED_GATE
 from server.nav.ekf.aiding.gnss import tracked_ratio
+from server.nav.ekf.delays import MAG as MAG_DELAY
 from server.nav.ekf.layout import (
     A_FIELD_D,
     A_FIELD_H,
@@ -28,6 +29,7 @@ from server.nav.ekf.layout import (
     U_GYRO,
     U_T,
     UNDECIDED,
+    W_D,
     W_H,
     W_INNOV,
     W_OBS,
@@ -65,9 +67,9 @@ def field_in_ned(h: Float, x: Float, u: Float) -> tuple[float, float, float]:
     )
 
 
-@kernel("void(float64[::1], float64[::1], int64)")
-def observe(x: Float, work: Float, i: int) -> None:
-    """Set the row of H of the NED component i: [E]× δθ + δE + R_nb δb."""
+@kernel("void(float64[::1], float64[::1], float64[::1], int64)")
+def observe(x: Float, u: Float, work: Float, i: int) -> None:
+    """Set the row of H of the NED component i: [E]× δθ + δE + R_nb δb; and what a delay does to it, ω × E."""
     R = matrix_entries(x[X_Q], x[X_Q + 1], x[X_Q + 2], x[X_Q + 3])
     j, k = (i + 1) % 3, (i + 2) % 3
     clear_row(work)
@@ -75,6 +77,10 @@ def observe(x: Float, work: Float, i: int) -> None:
     work[W_H + FIELD + i] = 1.0
     for c in range(3):
         work[W_H + MAG_BIAS + c] = R[3 * i + c]
+    wx, wy, wz = u[U_GYRO] - x[X_GYRO_BIAS], u[U_GYRO + 1] - x[X_GYRO_BIAS + 1], u[U_GYRO + 2] - x[X_GYRO_BIAS + 2]
+    wj = R[3 * j] * wx + R[3 * j + 1] * wy + R[3 * j + 2] * wz
+    wk = R[3 * k] * wx + R[3 * k + 1] * wy + R[3 * k + 2] * wz
+    work[W_D + MAG_DELAY] = wj * x[X_FIELD + k] - wk * x[X_FIELD + j]
 
 
 @kernel(HANDLER)
@@ -92,7 +98,7 @@ def field(h: Float, x: Float, P: Float, u: Float, par: Float, aux: Float, ctl: I
         work[W_PRED + i], work[W_OBS + i] = x[X_FIELD + i], z[i]
         work[W_INNOV + i] = z[i] - x[X_FIELD + i]
         if undecided:
-            observe(x, work, i)
+            observe(x, u, work, i)
             own = project(P, work)
             excess += (work[W_INNOV + i] ** 2 - own) / (3.0 * par[PAR_MAG_NOISE] ** 2)
             work[W_VAR + i] = own + h[H_VAR]
@@ -107,6 +113,6 @@ def field(h: Float, x: Float, P: Float, u: Float, par: Float, aux: Float, ctl: I
         aux[A_K_MAG] = min(K_MAX, max(K_MIN, tracked_ratio(aux[A_K_MAG], excess, LEARN)))
     if h[H_STATUS] == FUSED:
         for i in range(3):
-            observe(x, work, i)
+            observe(x, u, work, i)
             total = project(P, work) + h[H_VAR]
             fuse(P, work, work[W_INNOV + i] - correction_seen(work), total)
