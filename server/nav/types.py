@@ -396,6 +396,19 @@ class Site:
     date_source: str
 
 
+@dataclass(frozen=True, slots=True, kw_only=True)
+class DelayState:
+    """A delay found on line from the innovations: a sample stamped t is valid at t − delay.
+
+    Attributes:
+        name: "gnss_position", "gnss_velocity" or "mag".
+    """
+
+    name: str
+    delay_s: float
+    sigma_s: float
+
+
 @dataclass(frozen=True, slots=True, kw_only=True, eq=False)
 class LaneState:
     """Newest state of one lane: `row` has shape (len(LANE_COLUMNS),), valid at `t_ns`; `failure` says why it ended."""
@@ -421,6 +434,7 @@ class Snapshot:
     events: tuple[Event, ...]  # newest last, bounded
     steps: int
     vehicle: VehicleClass = VehicleClass.UNKNOWN
+    delays: tuple[DelayState, ...] = ()  # found on line; () when all were told
     consistency: tuple[ConsistencyHealth, ...] = ()  # the main lane's: groups with a reference, then "lane"
 
 

@@ -110,7 +110,7 @@ class MetaIn(_Part):
 
     def overrides(self) -> dict[str, Any]:
         """Return the fields of EngineSettings this file sets; a folder's delays are 0 unless it says otherwise."""
-        found: dict[str, Any] = {"imu_delay_s": 0.0, "baro_delay_s": 0.0, "lever_arm_b_m": self.gnss.lever_arm_b_m}
+        found: dict[str, Any] = {"lever_arm_b_m": self.gnss.lever_arm_b_m}
         if self.gnss.delay_s is not None:
             found["gnss_delay_s"] = self.gnss.delay_s
         found |= {f"use_{name}": value for name, value in self.aids.model_dump().items()}

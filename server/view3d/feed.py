@@ -50,6 +50,7 @@ class Pose:
 
     Attributes:
         q_nb: body to NED; the identity while unknown.
+        turned: whether the attitude is known.
         pos_n_m: NED from the site; the origin while unknown.
         sigma_att_rad: 1 σ of the error rotation vector in NED; z is heading.
         sigma_pos_n_m: 1 σ along north, east, down.
@@ -62,20 +63,22 @@ class Pose:
     sigma_att_rad: Vec3
     sigma_pos_n_m: Vec3
     known: bool
+    turned: bool = True
 
 
 def pose_from_row(row: Float) -> Pose:
     """Return the pose in one row of `LANE_COLUMNS`, shape (len(LANE_COLUMNS),)."""
     values: list[float] = row.tolist()
     q_nb, pos_n_m = tuple(values[_Q : _Q + 4]), _vec3(values, _POS)
-    known = all(map(math.isfinite, pos_n_m))
+    known, turned = all(map(math.isfinite, pos_n_m)), all(map(math.isfinite, q_nb))
     return Pose(
-        q_nb=(q_nb[0], q_nb[1], q_nb[2], q_nb[3]) if all(map(math.isfinite, q_nb)) else IDENTITY,
+        q_nb=(q_nb[0], q_nb[1], q_nb[2], q_nb[3]) if turned else IDENTITY,
         pos_n_m=pos_n_m if known else ORIGIN,
         speed_m_s=math.hypot(*_vec3(values, _VEL)),
         sigma_att_rad=_vec3(values, _SIGMA_ATT),
         sigma_pos_n_m=_vec3(values, _SIGMA_POS),
         known=known,
+        turned=turned,
     )
 
 

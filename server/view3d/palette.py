@@ -47,8 +47,8 @@ LANE_RGB: Final[dict[str, dict[str, Rgb]]] = {
     },
 }
 """Colours of the lanes, the same as on the page (`web/src/ui/lanes.ts`). Within each kind of lane (full, attitude,
-altitude; the page tells kinds apart by solid, dashed and dotted lines) they stay apart for colour-blind eyes too: a test
-of the page simulates them. The reference is magenta."""
+altitude; the page tells kinds apart by solid, dashed and dotted lines) they stay apart for colour-blind eyes too: a
+test of the page simulates them. The reference is magenta."""
 
 SPARE_RGB: Final[tuple[Rgb, ...]] = ((0, 158, 115), (213, 94, 0), (240, 228, 66), (150, 120, 210), (140, 140, 140))
 """For lanes without a fixed colour, chosen by their name."""

@@ -97,12 +97,19 @@ class Paths:
         self._tip: Any = None
         self._circle: Any = None
         self._end: tuple[float, ...] | None = None
+        self._main: str | None = None
         self.theme = theme
         self.colour = PathColour.SPEED
         self.kind = VehicleClass.UNKNOWN
 
     def update(self, track: Track, main: str | None) -> None:
-        """Send what has grown since the last call."""
+        """Send what has grown since the last call; take away the paths of lanes that were switched off."""
+        for gone in self._lanes.keys() - track.lanes.keys():
+            self._lanes.pop(gone).remove()
+        if main != self._main:
+            for drawn in [drawn for lane, drawn in self._lanes.items() if lane in {main, self._main}]:
+                drawn.remove()  # drawn anew below: viser cannot change one colour into one per point
+            self._main = main
         for lane, trail in track.lanes.items():
             drawn = self._lanes.setdefault(lane, Drawn(self._scene, f"{SITE}/path-{lane}"))
             self._draw(drawn, trail, lane, is_main=lane == main)

@@ -72,17 +72,28 @@ class Stage:
             self._note(result)
         pose = self._newest(results)
         if pose is not None:
+            attitudes = self._attitudes(results)
             for viewer in active:
-                viewer.frame(pose, 1.0 / FRAME_HZ)
+                viewer.frame(pose, 1.0 / FRAME_HZ, attitudes)
+
+    def _attitudes(self, results: list[StepResult]) -> dict[str, Pose]:
+        """Return the newest attitude of every lane that knows nothing else, as fresh as the vehicle's own."""
+        poses = {lane: self.track.poses[lane] for lane in self.track.attitudes if lane in self.track.poses}
+        newest = {rows.lane: rows.data[-1] for result in results for rows in result.lanes if len(rows.t_ns)}
+        return {lane: pose_from_row(newest[lane]) if lane in newest else pose for lane, pose in poses.items()}
 
     def _newest(self, results: list[StepResult]) -> Pose | None:
-        self._main = main_lane(list(self.track.lanes)) or self._main
+        self._choose_main()
         for result in reversed(results):
             names = [rows.lane for rows in result.lanes if len(rows.t_ns)]
             lane = self._main or main_lane(names)
             if lane in names:
                 return pose_from_row(next(rows.data[-1] for rows in result.lanes if rows.lane == lane))
         return None
+
+    def _choose_main(self) -> None:
+        """Follow a lane that knows a position; one that turns in place when there is no other."""
+        self._main = main_lane(list(self.track.lanes)) or main_lane(self.track.attitudes) or self._main
 
     def _newest_fix(self) -> Vec3 | None:
         fixes = self.track.fixes
@@ -103,7 +114,7 @@ class Stage:
 
     def welcome(self, viewer: Viewer) -> None:
         """Show a viewer what is known, without waiting for the next sample."""
-        self._main = main_lane(list(self.track.lanes)) or self._main
+        self._choose_main()
         pose = self.track.poses.get(self._main or "")
         if pose is not None:
             viewer.frame(pose, 0.0)

@@ -73,9 +73,18 @@ class Trail:
 
 @dataclass(slots=True)
 class Track:
-    """The paths of every lane of one board, its GNSS fixes (colour values: 1 when fused, 0 when refused), its class."""
+    """What was seen of the lanes of one board that run now.
+
+    Attributes:
+        lanes: the path of every lane that knows a position.
+        attitudes: lanes that know the attitude alone.
+        fixes: GNSS fixes; colour values: 1 when fused, 0 when refused.
+        poses: the newest of each of `lanes` and `attitudes`.
+        kind: class of vehicle, as the board says.
+    """
 
     lanes: dict[str, Trail] = field(default_factory=dict)
+    attitudes: tuple[str, ...] = ()
     fixes: Trail = field(default_factory=lambda: Trail(FIX_CHUNKS))
     poses: dict[str, Pose] = field(default_factory=dict)
     kind: VehicleClass = VehicleClass.UNKNOWN
@@ -87,15 +96,27 @@ class Track:
         if snapshot.boot_id != self._boot_id:
             self._restart(snapshot.boot_id)
         self.kind = getattr(snapshot, "vehicle", VehicleClass.UNKNOWN) or self.kind
+        self._forget_all_but({lane.lane for lane in snapshot.lanes})
+        self.attitudes = tuple(lane.lane for lane in snapshot.lanes if lane.provides == "attitude")
         for lane in snapshot.lanes:
+            if lane.provides != "altitude":
+                self.poses[lane.lane] = pose_from_row(lane.row)
             if lane.provides == "full":
-                self._extend(lane.lane, pose_from_row(lane.row))
+                self._extend(lane.lane, self.poses[lane.lane])
         for aid in snapshot.aids:
             if aid.aid == Aid.GNSS_POSITION and aid.last:
                 self._mark(aid.last)
 
+    def _forget_all_but(self, running: set[str]) -> None:
+        """Drop what was kept of lanes that were switched off; before the first lane there is nothing to compare."""
+        if not running:
+            return
+        for lane in self.lanes.keys() - running:
+            del self.lanes[lane]
+        for lane in self.poses.keys() - running:
+            del self.poses[lane]
+
     def _extend(self, lane: str, pose: Pose) -> None:
-        self.poses[lane] = pose
         trail = self.lanes.setdefault(lane, Trail(PATH_CHUNKS))
         if pose.known and trail.moved(pose.pos_n_m):
             trail.add(pose.pos_n_m, pose.speed_m_s, math.hypot(*pose.sigma_pos_n_m[:2]))

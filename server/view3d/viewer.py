@@ -15,8 +15,11 @@ from server.view3d.geometry import Anchor
 from server.view3d.paths import PathColour, Paths
 from server.view3d.scene import Scene
 from server.view3d.trail import Track
+from server.view3d.triads import Triads
 
 if TYPE_CHECKING:
+    from collections.abc import Mapping
+
     import viser
 
 Theme = Literal["dark", "light"]
@@ -62,6 +65,7 @@ class Viewer:
         self._client: viser.ClientHandle | None = None
         self._scene: Scene | None = None
         self._paths: Paths | None = None
+        self._triads: Triads | None = None
         self._anchor = Anchor()
         self._pose: Pose | None = None
         self._jump = True
@@ -77,16 +81,23 @@ class Viewer:
         self._scene = Scene(client, kind, self.wishes.theme)
         self._paths = Paths(client.scene, self.wishes.theme)
         self._paths.colour, self._paths.kind = self.wishes.color, kind
+        self._triads = Triads(client.scene, self.wishes.theme, self._scene.span_m)
         start_m, _ = place_m(self.wishes.camera, PLAIN_SPAN_M)
         if self._scene.span_m != PLAIN_SPAN_M and math.dist(client.camera.position.tolist(), start_m) < 0.01:
             self._look_from(*place_m(self.wishes.camera, self._scene.span_m))
 
     def detach(self) -> None:
         """The browser has left."""
-        self._client = self._scene = self._paths = None
+        self._client = self._scene = self._paths = self._triads = None
 
-    def frame(self, pose: Pose, dt_s: float) -> None:
-        """Show the newest pose; `dt_s` since the one before."""
+    def frame(self, pose: Pose, dt_s: float, attitudes: Mapping[str, Pose] | None = None) -> None:
+        """Show the newest pose; `dt_s` since the one before.
+
+        Args:
+            pose: of the lane that the vehicle shows.
+            dt_s: since the one before.
+            attitudes: of the lanes that know nothing else, valid at the same time; None leaves them as they are.
+        """
         if self._client is None or self._scene is None or self._paths is None:
             return
         self._pose = pose
@@ -96,6 +107,8 @@ class Viewer:
         with self._client.atomic():
             self._scene.place(pose, self._anchor)
             self._paths.reach(pose)
+            if self._triads is not None and attitudes is not None:
+                self._triads.turn(attitudes)
 
     def survey(self, track: Track, main: str | None, fix_n_m: Vec3 | None, h_acc_m: float) -> None:
         """Show what changes slowly: paths, fixes, uncertainty, sizes."""
@@ -115,6 +128,8 @@ class Viewer:
         self._scene.set_vehicle(kind)
         self._paths.kind = kind
         self._paths.recolour(self.wishes.color, self.wishes.theme)
+        if self._triads is not None:
+            self._triads.redraw(self.wishes.theme, self._scene.span_m)
         if self._pose is not None:
             self.frame(self._pose, 0.0)
         if self.wishes.camera != Camera.FREE:
@@ -135,6 +150,8 @@ class Viewer:
         self._jump, self._pose = True, None
         if self._paths is not None:
             self._paths.clear()
+        if self._triads is not None:
+            self._triads.clear()
 
     def _repaint(self, color: PathColour, theme: Theme) -> None:
         changed = (color, theme) != (self.wishes.color, self.wishes.theme)
@@ -142,6 +159,8 @@ class Viewer:
         if changed and self._scene is not None and self._paths is not None:
             self._scene.set_theme(theme)
             self._paths.recolour(color, theme)
+            if self._triads is not None:
+                self._triads.redraw(theme, self._scene.span_m)
 
     def _set_camera(self, camera: Camera, *, stay: bool) -> None:
         self.wishes.camera = camera

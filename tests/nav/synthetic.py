@@ -97,7 +97,8 @@ def circle(
 
 def navigate(block, cut=10**9, **settings):
     """Run the engine over a block cut into pieces; return (t_ns, rows of ins_ekf, results, engine)."""
-    engine = NavEngine(EngineSettings(**settings), field_model)
+    told = {"imu_delay_s": 0.0, "mag_delay_s": 0.0, "gnss_delay_s": 0.0, "baro_delay_s": 0.0}
+    engine = NavEngine(EngineSettings(**(told | settings)), field_model)
     results = [engine.step(piece) for piece in pieces(block, cut)]
     rows = [lane for result in results for lane in result.lanes if lane.lane == "ins_ekf"]
     return np.concatenate([r.t_ns for r in rows]), np.concatenate([r.data for r in rows]), results, engine

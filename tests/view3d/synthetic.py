@@ -20,6 +20,7 @@ from websockets.asyncio.client import ClientConnection, connect
 from websockets.typing import Subprotocol
 
 from server.hub import Hub
+from server.nav.lanes.base import Provides
 from server.nav.rotation import quat_from_euler
 from server.nav.types import (
     AID_COLUMNS,
@@ -76,6 +77,13 @@ def circling(t_s: float, offset_m: float = 0.0) -> Float:
     return lane_row((0.35, -0.08, angle), pos, vel)
 
 
+def turning(t_s: float) -> Float:
+    """The attitude of `circling` and nothing else."""
+    row = circling(t_s)
+    row[LANE_COLUMNS.index("vel_n_m_s") :] = math.nan
+    return row
+
+
 def step_result(rows: dict[str, Float], t_ns: int = 0, block: SampleBlock | None = None) -> StepResult:
     """What the engine would publish for one step."""
     t = np.array([t_ns], dtype=np.int64)
@@ -99,10 +107,15 @@ def sample_block(samples: list[tuple[Kind, tuple[float, ...]]]) -> SampleBlock:
     return SampleBlock(kind=np.array([k for k, _ in samples], dtype=np.uint8), t_ns=t, t_rx_ns=t, data=data)
 
 
+def provided(row: Float) -> Provides:
+    """What the row tells."""
+    return "attitude" if math.isnan(row[LANE_COLUMNS.index("pos_n_m")]) else "full"
+
+
 def snapshot_of(
     rows: dict[str, Float], t_ns: int = 0, fix: tuple[float, float, float] | None = None, boot_id: int = 0
 ) -> Snapshot:
-    """A snapshot with these lanes, and a fused fix at this place."""
+    """A snapshot with these lanes (of those without a position the attitude alone), and a fused fix at this place."""
     aids: tuple[AidHealth, ...] = ()
     if fix is not None:
         last = [math.nan] * len(AID_COLUMNS)
@@ -111,7 +124,7 @@ def snapshot_of(
     return Snapshot(
         boot_id=boot_id,
         t_ns=t_ns,
-        lanes=tuple(LaneState(lane=lane, provides="full", t_ns=t_ns, row=row) for lane, row in rows.items()),
+        lanes=tuple(LaneState(lane=lane, provides=provided(row), t_ns=t_ns, row=row) for lane, row in rows.items()),
         sensors=(),
         aids=aids,
         site=None,
@@ -132,6 +145,9 @@ class SyntheticBoard:
     fix: tuple[float, float, float] | None = None
     block: SampleBlock | None = None
     snapshots: int = 0
+    more: tuple[str, ...] = ()
+    """Lanes beside the three that tell the attitude alone."""
+    off: frozenset[str] = frozenset()
 
     def snapshot(self) -> Snapshot | None:
         self.snapshots += 1
@@ -141,7 +157,9 @@ class SyntheticBoard:
         """Advance one navigation step of 20 ms."""
         self.t_ns += STEP_NS
         t_s = self.t_ns / 1e9
-        self.rows = {"ins_ekf": circling(t_s), "reference": circling(t_s, 0.5), "onboard": circling(t_s, -0.8)}
+        everything = {"ins_ekf": circling(t_s), "reference": circling(t_s, 0.5), "onboard": circling(t_s, -0.8)}
+        self.rows = {lane: everything.get(lane, turning(t_s)) for lane in (*everything, *self.more)}
+        self.rows = {lane: row for lane, row in self.rows.items() if lane not in self.off}
         at = LANE_COLUMNS.index("pos_n_m")
         if self.t_ns % (10 * STEP_NS) == 0:
             noise = np.random.default_rng(self.t_ns).normal(0, 0.3, 3)

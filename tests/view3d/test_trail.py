@@ -6,6 +6,7 @@ import gc
 import numpy as np
 import pytest
 
+from server.nav.lanes.registry import LANES
 from server.view3d.palette import LANE_RGB, THEMES, lane_rgb, linear_from_srgb, scale_rgb
 from server.view3d.trail import CHUNK, PATH_CHUNKS, Track, Trail
 from tests.view3d.synthetic import SyntheticBoard, Watcher, circling, eventually, lane_row, served, snapshot_of
@@ -39,6 +40,17 @@ def test_a_new_power_up_starts_the_paths_over() -> None:
     assert (track.lanes["ins_ekf"].count, track.fixes.count) == (10, 10)
     track.take(snapshot_of({"ins_ekf": circling(0)}, 0, boot_id=1))
     assert (track.lanes["ins_ekf"].count, track.fixes.count) == (1, 0)
+
+
+def test_a_lane_that_is_switched_off_leaves_and_comes_back_without_its_old_path() -> None:
+    track = Track()
+    both = {"ins_ekf": circling(0), "nav_position": circling(0)}
+    for i in range(5):
+        track.take(snapshot_of({lane: circling(i) for lane in both}, i))
+    track.take(snapshot_of({"ins_ekf": circling(5)}, 5))
+    assert (set(track.lanes), set(track.poses)) == ({"ins_ekf"}, {"ins_ekf"})
+    track.take(snapshot_of({lane: circling(6) for lane in both}, 6))
+    assert (track.lanes["nav_position"].count, track.lanes["ins_ekf"].count) == (1, 7)
 
 
 def test_the_same_fix_is_marked_once() -> None:
@@ -76,9 +88,10 @@ async def test_100000_points_use_a_fixed_set_of_names_and_leave_nothing_in_viser
 
 def test_lane_colours_differ_in_both_themes_and_unknown_lanes_keep_theirs() -> None:
     for theme in THEMES:
-        colours = [*LANE_RGB[theme].values(), lane_rgb("vqf", theme)]
+        colours = [*LANE_RGB[theme].values(), lane_rgb("of_tomorrow", theme)]
         assert len(set(colours)) == len(colours)
-    assert lane_rgb("vqf", "dark") == lane_rgb("vqf", "light")
+        assert LANE_RGB[theme].keys() == set(LANES)
+    assert lane_rgb("of_tomorrow", "dark") == lane_rgb("of_tomorrow", "light")
 
 
 def test_the_sequential_scale_rises_in_lightness() -> None:

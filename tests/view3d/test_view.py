@@ -1,6 +1,7 @@
 """Work happens only while somebody looks, each viewer sees its own board, and a late one sees the whole path."""
 
 import asyncio
+from collections.abc import Callable
 from typing import Any
 
 import pytest
@@ -65,6 +66,36 @@ async def test_a_late_viewer_sees_the_path_flown_before_it_came() -> None:
                 await watcher.node(f"/ned/site/path-{lane}/0")
             await watcher.node("/ned/site/fixes/0")
             await watcher.node("/ned/site/accuracy")
+
+
+async def test_lanes_switched_on_and_off_appear_and_leave_for_who_looks_already() -> None:
+    """A path for one with a position, axes at the vehicle for one with an attitude alone, turning with it."""
+    axes, path = "/ned/here/axes-vqf", "/ned/site/path-onboard/0"
+
+    def removed(name: str) -> Callable[[dict[str, object]], bool]:
+        return lambda message: message["type"] == "RemoveSceneNodeMessage" and message["name"] == name
+
+    board = SyntheticBoard()
+    with served([board]) as at:
+        async with Watcher.connected(at.port) as watcher:
+            await watcher.node(path)
+            assert axes not in watcher.named("/ned/here")
+            board.more = ("vqf",)
+            await watcher.node(axes)
+            await watcher.until(lambda m: m["type"] == "SetOrientationMessage" and m["name"] == axes)
+            board.off = frozenset({"onboard", "vqf"})
+            await watcher.until(removed(path))
+            await watcher.until(removed(axes))
+            count = len(watcher.messages)
+            board.off = frozenset()
+            await eventually(lambda: any(m.get("name") == path and "props" in m for m in watcher.messages[count:]))
+
+
+async def test_without_a_lane_that_knows_a_position_the_vehicle_turns_in_place() -> None:
+    board = SyntheticBoard(more=("vqf",), off=frozenset({"ins_ekf", "onboard", "reference"}))
+    with served([board]) as at:
+        async with Watcher.connected(at.port) as watcher:
+            await watcher.until(is_pose)
 
 
 async def test_two_viewers_look_at_two_boards_and_one_changes_over() -> None:

@@ -14,6 +14,7 @@ longer), magnetometer.
 
 from __future__ import annotations
 
+import math
 from typing import Final
 
 import numpy as np
@@ -127,3 +128,19 @@ def use_estimate(work: Float, p: int) -> None:
     used = min(MOST_S, max(LEAST_S, work[W_USED + p] + step))
     work[W_DELTA + p] -= used - work[W_USED + p]
     work[W_USED + p] = used
+
+
+@kernel("void(float64[::1], float64[::1])")
+def widen(work: Float, out: Float) -> None:
+    """Add to the published σ of attitude, velocity and position what the uncertain delays leave: V M Vᵀ.
+
+    Args:
+        work: sensitivities and covariance.
+        out: shape (len(LANE_COLUMNS),), changed in place.
+    """
+    for state in range(9):
+        total = out[10 + state] * out[10 + state]
+        for i in range(DELAYS):
+            for j in range(DELAYS):
+                total += work[W_SENS + i * SENS + state] * work[W_M + 3 * i + j] * work[W_SENS + j * SENS + state]
+        out[10 + state] = math.sqrt(max(0.0, total))

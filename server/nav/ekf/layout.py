@@ -94,7 +94,8 @@ C_STEPS: Final = 14
 C_OVERFLOW: Final = 15
 C_ALIGNED_BEFORE: Final = 16
 C_BANK_HEADING: Final = 17  # the heading was set from the yaw bank
-C_SIZE: Final = 18
+C_DELAYS_TOLD: Final = 18
+C_SIZE: Final = 19
 
 # … and numbers.
 A_DECLINATION: Final = 0  # rad
@@ -171,6 +172,8 @@ E_GAP: Final = 7  # s
 E_HEADING: Final = 8  # rad
 E_COURSE: Final = 9  # rad
 E_BANK: Final = 10  # rad turned, sigma rad
+E_DELAYS: Final = 11  # s, s
+E_HANDOVER: Final = 12  # rad
 E_SIZE: Final = 4
 
 SLOT_MEASUREMENTS: Final = 16

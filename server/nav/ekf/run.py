@@ -7,6 +7,7 @@ from typing import Final
 
 from server.nav.codes import ALIGNING, ATTITUDE, DEAD_RECKONING, FAILED, NAVIGATING
 from server.nav.ekf.align import align, restart
+from server.nav.ekf.delays import widen
 from server.nav.ekf.events import add_event
 from server.nav.ekf.history import push, rerun
 from server.nav.ekf.intake import take
@@ -29,6 +30,7 @@ from server.nav.ekf.layout import (
     A_T_START,
     C_ALIGNED_BEFORE,
     C_BARO_SEEN,
+    C_DELAYS_TOLD,
     C_HAS_HEADING,
     C_MODE,
     C_POSITIONED,
@@ -37,6 +39,7 @@ from server.nav.ekf.layout import (
     C_STILL_STEPS,
     C_VALID,
     E_ALIGNED,
+    E_DELAYS,
     E_FAILED,
     E_GAP,
     E_GNSS_LOST,
@@ -45,6 +48,9 @@ from server.nav.ekf.layout import (
     PAR_GNSS_DELAY,
     U_GAP_S,
     U_T,
+    W_DELAYS,
+    W_M,
+    W_USED,
 )
 from server.nav.ekf.predict import predict
 from server.nav.ekf.pseudo import pseudo_measurements
@@ -57,6 +63,7 @@ from server.nav.types import Float, Int
 
 GAP_RESTART_S: Final = 1.0
 """Past this hole in the IMU data nothing is left of the attitude of a moving vehicle: align again."""
+DELAY_TOLD_S2: Final = 4e-4  # 20 ms
 OUTAGE_S: Final = 1.0
 OUTAGE_INTERVALS: Final = 2.5
 
@@ -169,6 +176,9 @@ def run(
             k += 1
         if dirty >= 0:
             rerun(dirty, u[U_T], x, P, par, aux, ctl, work, r_u, r_x, r_P, r_m, r_n, aids, aid_t, events)
+        if not ctl[C_DELAYS_TOLD] and 0.0 < work[W_M] < DELAY_TOLD_S2 and work[W_M + 4] < DELAY_TOLD_S2:
+            ctl[C_DELAYS_TOLD] = 1
+            add_event(events, ctl, E_DELAYS, u[U_T], work[W_USED], work[W_USED + 1])
         ctl[C_STEPS] += 1
         if ctl[C_MODE] == ALIGNING:
             for i in range(rows.shape[1]):
@@ -187,3 +197,5 @@ def run(
             bank_start(bank)
             continue
         publish(x, P, u, par, aux, ctl, rows[n])
+        if work[W_DELAYS] > 0.0:
+            widen(work, rows[n])

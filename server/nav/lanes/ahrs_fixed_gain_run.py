@@ -5,10 +5,9 @@ from __future__ import annotations
 import math
 from typing import Final
 
-from numba import njit
-
 from server.nav.codes import ALIGNING, FUSED, GNSS
 from server.nav.ekf.layout import M_KIND, M_STATUS, M_T, U_DT, U_GAP_S
+from server.nav.kernel import kernel
 from server.nav.lanes.attitude import (
     FIELD_GAP_S,
     GAP_RESTART_S,
@@ -77,7 +76,7 @@ ARRAYS: Final = (
 )
 
 
-@njit("void(float64[::1], int64, float64, float64, float64, float64[::1])", cache=True)
+@kernel("void(float64[::1], int64, float64, float64, float64, float64[::1])")
 def _level_by(par: Float, i: int, seconds: float, x_rad: float, y_rad: float, s: Float) -> None:
     """Correct the tilt with the weights at par[i] for so many seconds of measurement."""
     k, kb = weights(par[i], par[i + 1], seconds, s[S_AGE])
@@ -85,7 +84,7 @@ def _level_by(par: Float, i: int, seconds: float, x_rad: float, y_rad: float, s:
     feed_bias(s, kb, x_rad, y_rad, 0.0)
 
 
-@njit("void(float64[::1], float64[::1], float64[::1], float64[::1])", cache=True)
+@kernel("void(float64[::1], float64[::1], float64[::1], float64[::1])")
 def _to_gravity(u: Float, o: Float, par: Float, s: Float) -> None:
     """Level by the accelerometer alone, unless the receiver says that it speeds up, where to it cannot yet say."""
     if s[S_SINCE_FIX] > LONGEST_S or (s[S_HEADING] == NO_HEADING and o[O_CHANGE] < STEADY_M_S2):
@@ -93,13 +92,13 @@ def _to_gravity(u: Float, o: Float, par: Float, s: Float) -> None:
         _level_by(par, PAR_TILT, u[U_DT], ex, ey, s)
 
 
-@njit("void(float64[::1], float64)", cache=True)
+@kernel("void(float64[::1], float64)")
 def _set_heading(s: Float, angle_rad: float) -> None:
     turn_n(s, 0.0, 0.0, angle_rad)
     forget_motion(s)
 
 
-@njit("void(float64[::1], float64[::1])", cache=True)
+@kernel("void(float64[::1], float64[::1])")
 def _to_field(par: Float, s: Float) -> None:
     """Turn the heading towards the field's; at once when it is the first."""
     angle, north = heading_error(s)
@@ -116,14 +115,14 @@ def _to_field(par: Float, s: Float) -> None:
     s[S_SINCE_FIELD] = 0.0
 
 
-@njit("void(float64[::1], int64, float64, float64, float64[::1])", cache=True)
+@kernel("void(float64[::1], int64, float64, float64, float64[::1])")
 def _turn_by(par: Float, i: int, seconds: float, angle_rad: float, s: Float) -> None:
     """Correct the heading with the weights at par[i] for so many seconds of measurement."""
     turn_n(s, 0.0, 0.0, (1.0 - math.exp(-par[i] * seconds)) * angle_rad)
     feed_bias(s, par[i + 1] * seconds, 0.0, 0.0, angle_rad)
 
 
-@njit("void(float64[::1], float64[::1], float64[::1])", cache=True)
+@kernel("void(float64[::1], float64[::1], float64[::1])")
 def _to_motion(o: Float, par: Float, s: Float) -> None:
     """Turn tilt and heading towards what two fixes show; the heading at once when there was none."""
     if s[S_HEADING] != NO_HEADING:
@@ -146,7 +145,7 @@ def _to_motion(o: Float, par: Float, s: Float) -> None:
         _turn_by(par, PAR_COURSE, share * o[O_SECONDS], o[O_COURSE], s)
 
 
-@njit("void(float64[::1], float64[::1], float64[::1], float64[:, ::1], float64[::1])", cache=True)
+@kernel("void(float64[::1], float64[::1], float64[::1], float64[:, ::1], float64[::1])")
 def _advance(u: Float, par: Float, s: Float, ring: Float, o: Float) -> None:
     note_step(u, s, ring)
     integrate(u, s)
@@ -155,7 +154,7 @@ def _advance(u: Float, par: Float, s: Float, ring: Float, o: Float) -> None:
     _to_gravity(u, o, par, s)
 
 
-@njit(ARRAYS, cache=True)
+@kernel(ARRAYS)
 def run(steps: Float, meas: Float, par: Float, s: Float, rows: Float, ring: Float, o: Float) -> None:
     """Run over navigation steps; see `KernelLane`. A gyro bias learned before a hole is kept."""
     k = 0

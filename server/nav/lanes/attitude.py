@@ -9,11 +9,10 @@ from __future__ import annotations
 import math
 from typing import Final
 
-from numba import njit
-
 from server.nav.codes import ATTITUDE, FAILED, FUSED, MAG
 from server.nav.constants import STANDARD_GRAVITY_M_S2
 from server.nav.ekf.layout import M_DATA, M_KIND, M_STATUS, M_STEP, M_T, U_DT, U_DTHETA, U_DVEL, U_GYRO, U_T
+from server.nav.kernel import kernel
 from server.nav.rotation import matrix_entries, quat_from_rotvec, quat_mul
 from server.nav.types import Float
 
@@ -45,20 +44,20 @@ LEAST_NORTH_GAUSS: Final = 0.02  # within 3° of a magnetic pole the field shows
 OLDEST_FIELD_S: Final = 0.5  # a field this late cannot be turned to the present by one rate
 
 
-@njit("UniTuple(float64, 3)(float64, float64, float64, float64, float64, float64, float64)", cache=True)
+@kernel("UniTuple(float64, 3)(float64, float64, float64, float64, float64, float64, float64)")
 def rotate(w: float, x: float, y: float, z: float, a: float, b: float, c: float) -> tuple[float, float, float]:
     """Return R(q) (a, b, c)."""
     R = matrix_entries(w, x, y, z)
     return R[0] * a + R[1] * b + R[2] * c, R[3] * a + R[4] * b + R[5] * c, R[6] * a + R[7] * b + R[8] * c
 
 
-@njit("float64(float64)", cache=True)
+@kernel("float64(float64)")
 def wrap(angle_rad: float) -> float:
     """Return the angle in [−π, π)."""
     return (angle_rad + math.pi) % (2.0 * math.pi) - math.pi
 
 
-@njit("UniTuple(float64, 3)(float64[::1])", cache=True)
+@kernel("UniTuple(float64, 3)(float64[::1])")
 def force_at_end(u: Float) -> tuple[float, float, float]:
     """Return the step's mean specific force in m/s², in the body frame at the step's end; gravity stays exact."""
     t = quat_from_rotvec(-u[U_DTHETA], -u[U_DTHETA + 1], -u[U_DTHETA + 2])
@@ -66,13 +65,13 @@ def force_at_end(u: Float) -> tuple[float, float, float]:
     return f[0] / u[U_DT], f[1] / u[U_DT], f[2] / u[U_DT]
 
 
-@njit("UniTuple(float64, 2)(float64, float64, float64)", cache=True)
+@kernel("UniTuple(float64, 2)(float64, float64, float64)")
 def level(fx: float, fy: float, fz: float) -> tuple[float, float]:
     """Return (roll, pitch) in rad that make a specific force point up."""
     return math.atan2(-fy, -fz), math.atan2(fx, math.sqrt(fy * fy + fz * fz))
 
 
-@njit("UniTuple(float64, 4)(float64, float64, float64)", cache=True)
+@kernel("UniTuple(float64, 4)(float64, float64, float64)")
 def quat_of(roll_rad: float, pitch_rad: float, yaw_rad: float) -> tuple[float, float, float, float]:
     """Return q_nb of ZYX angles; any finite angles, pitch past ±π/2 included."""
     cr, sr = math.cos(0.5 * roll_rad), math.sin(0.5 * roll_rad)
@@ -86,7 +85,7 @@ def quat_of(roll_rad: float, pitch_rad: float, yaw_rad: float) -> tuple[float, f
     )
 
 
-@njit("UniTuple(float64, 3)(float64, float64, float64, float64[::1])", cache=True)
+@kernel("UniTuple(float64, 3)(float64, float64, float64, float64[::1])")
 def angles_after(roll_rad: float, pitch_rad: float, yaw_rad: float, u: Float) -> tuple[float, float, float]:
     """Return ZYX angles after a step: each plus the integral of its own (Euler) rate, exact also past gimbal lock."""
     q = quat_of(roll_rad, pitch_rad, yaw_rad)
@@ -96,7 +95,7 @@ def angles_after(roll_rad: float, pitch_rad: float, yaw_rad: float, u: Float) ->
     return math.atan2(R[7], R[8]), math.asin(max(-1.0, min(1.0, -R[6]))), math.atan2(R[3], R[0])
 
 
-@njit("void(float64[::1], float64, float64, float64)", cache=True)
+@kernel("void(float64[::1], float64, float64, float64)")
 def turn_n(s: Float, x_rad: float, y_rad: float, z_rad: float) -> None:
     """Rotate the attitude by a NED rotation vector and normalise it: q = Exp(v) ⊗ q."""
     t = quat_from_rotvec(x_rad, y_rad, z_rad)
@@ -106,7 +105,7 @@ def turn_n(s: Float, x_rad: float, y_rad: float, z_rad: float) -> None:
         s[S_Q + i] = q[i] / norm
 
 
-@njit("void(float64[::1], float64[::1])", cache=True)
+@kernel("void(float64[::1], float64[::1])")
 def integrate(u: Float, s: Float) -> None:
     """Carry the attitude over a step, bias removed: q = q ⊗ Exp(Δθ − b dt) [Solà 2017, eq. 101]."""
     dt = u[U_DT]
@@ -118,7 +117,7 @@ def integrate(u: Float, s: Float) -> None:
         s[S_Q + i] = q[i]
 
 
-@njit("UniTuple(float64, 2)(float64[::1], float64[::1])", cache=True)
+@kernel("UniTuple(float64, 2)(float64[::1], float64[::1])")
 def tilt_error(u: Float, s: Float) -> tuple[float, float]:
     """Return the NED rotation (north, east) in rad that makes the step's specific force point up; 0 in free fall.
 
@@ -133,7 +132,7 @@ def tilt_error(u: Float, s: Float) -> tuple[float, float]:
     return -n[1] * angle / across, n[0] * angle / across
 
 
-@njit("void(float64[::1], float64, float64, float64, float64)", cache=True)
+@kernel("void(float64[::1], float64, float64, float64, float64)")
 def feed_bias(s: Float, k: float, x_rad: float, y_rad: float, z_rad: float) -> None:
     """Take the share k, 1/s, of a NED attitude error as gyro bias: what turned too little was biased high."""
     e = rotate(s[S_Q], -s[S_Q + 1], -s[S_Q + 2], -s[S_Q + 3], x_rad, y_rad, z_rad)
@@ -141,7 +140,7 @@ def feed_bias(s: Float, k: float, x_rad: float, y_rad: float, z_rad: float) -> N
         s[S_BIAS + i] -= k * e[i]
 
 
-@njit("UniTuple(float64, 2)(float64, float64, float64, float64)", cache=True)
+@kernel("UniTuple(float64, 2)(float64, float64, float64, float64)")
 def weights(angle_per_s: float, bias_per_s2: float, dt: float, age_s: float) -> tuple[float, float]:
     """Return a correction's weights (angle, bias in 1/s) for dt seconds of measurement.
 
@@ -152,7 +151,7 @@ def weights(angle_per_s: float, bias_per_s2: float, dt: float, age_s: float) -> 
     return 1.0 - math.exp(-max(angle_per_s, 4.0 / T) * dt), max(bias_per_s2, 6.0 / (T * T)) * dt
 
 
-@njit("boolean(float64[::1])", cache=True)
+@kernel("boolean(float64[::1])")
 def usable(u: Float) -> bool:
     """Return whether a step's numbers may enter a state."""
     ok = math.isfinite(u[U_T]) and u[U_DT] > 0.0
@@ -161,7 +160,7 @@ def usable(u: Float) -> bool:
     return bool(ok)
 
 
-@njit("boolean(float64[::1], int64)", cache=True)
+@kernel("boolean(float64[::1], int64)")
 def finite(s: Float, n: int) -> bool:
     """Return whether the first n numbers are finite."""
     for i in range(n):
@@ -170,7 +169,7 @@ def finite(s: Float, n: int) -> bool:
     return True
 
 
-@njit("boolean(float64[::1], float64[::1])", cache=True)
+@kernel("boolean(float64[::1], float64[::1])")
 def start(u: Float, s: Float) -> bool:
     """Set the attitude from one step's mean force, heading 0 until a field shows it; False in free fall."""
     f = force_at_end(u)
@@ -184,7 +183,7 @@ def start(u: Float, s: Float) -> bool:
     return True
 
 
-@njit("UniTuple(int64, 2)(float64[:, ::1], int64, int64, float64[::1], float64[::1], float64[::1])", cache=True)
+@kernel("UniTuple(int64, 2)(float64[:, ::1], int64, int64, float64[::1], float64[::1], float64[::1])")
 def take_field(meas: Float, k: int, n: int, u: Float, par: Float, s: Float) -> tuple[int, int]:
     """Keep the mean field that came with step n, turned to its end by the rate; return (next row, samples used).
 
@@ -211,14 +210,14 @@ def take_field(meas: Float, k: int, n: int, u: Float, par: Float, s: Float) -> t
     return k, count
 
 
-@njit("UniTuple(float64, 2)(float64[::1])", cache=True)
+@kernel("UniTuple(float64, 2)(float64[::1])")
 def heading_error(s: Float) -> tuple[float, float]:
     """Return (rad to turn clockwise so that the kept field points to magnetic north, its horizontal part in gauss)."""
     v = rotate(s[S_Q], s[S_Q + 1], s[S_Q + 2], s[S_Q + 3], s[S_FIELD], s[S_FIELD + 1], s[S_FIELD + 2])
     return wrap(s[S_DECLINATION] - math.atan2(v[1], v[0])), math.sqrt(v[0] * v[0] + v[1] * v[1])
 
 
-@njit("void(float64[::1], float64)", cache=True)
+@kernel("void(float64[::1], float64)")
 def blank(out: Float, status: float) -> None:
     """Write a row that knows nothing but its status."""
     for i in range(out.shape[0]):
@@ -226,7 +225,7 @@ def blank(out: Float, status: float) -> None:
     out[25], out[29] = status, 0.0
 
 
-@njit("void(float64[::1], float64[::1], float64, float64[::1])", cache=True)
+@kernel("void(float64[::1], float64[::1], float64, float64[::1])")
 def publish(u: Float, s: Float, delay_s: float, out: Float) -> None:
     """Write the attitude, carried on by the last rate over the IMU's delay, into a blank row."""
     d = delay_s
@@ -240,7 +239,7 @@ def publish(u: Float, s: Float, delay_s: float, out: Float) -> None:
     out[25] = ATTITUDE
 
 
-@njit("void(float64[::1], float64[::1])", cache=True)
+@kernel("void(float64[::1], float64[::1])")
 def fail(s: Float, out: Float) -> None:
     """Forget all but the declination, and say so."""
     declination = s[S_DECLINATION]

@@ -65,6 +65,9 @@ class Lane(Protocol):
     Measurements whose `M_STATUS` is not FUSED are not to be used: withheld, disabled or refused ones come along for
     the record. A lane whose own numbers went bad starts again from nothing and publishes status FAILED for that step;
     one that raises is put aside by the engine and shown failed.
+
+    A lane that needs the whole recording (`registry.AFTERWARDS`) gives no rows in `step` and all of them in a further
+    method `finish() -> LaneResult`, called once at the end of a power-up (`bank.LaneBank.finish`).
     """
 
     name: ClassVar[str]

@@ -12,11 +12,10 @@ from __future__ import annotations
 import math
 from typing import ClassVar, Final
 
-from numba import njit
-
 from server.nav.codes import ALIGNING, DEAD_RECKONING, FUSED, GNSS, NAVIGATING
 from server.nav.earth import curvature_radii, ned_from_lla
 from server.nav.ekf.layout import M_DATA, M_KIND, M_STATUS, M_T, U_DT, U_GAP_S, U_T
+from server.nav.kernel import kernel
 from server.nav.lanes.attitude import (
     FIELD_GAP_S,
     GAP_RESTART_S,
@@ -62,7 +61,7 @@ PAR_BIAS: Final = PAR_OWN + 2  # s
 OUTAGE_S: Final = 2.0
 
 
-@njit("void(float64[::1], float64[::1], float64[::1])", cache=True)
+@kernel("void(float64[::1], float64[::1], float64[::1])")
 def _to_gravity(u: Float, par: Float, s: Float) -> None:
     """Turn the tilt towards the accelerometer's vertical."""
     ex, ey = tilt_error(u, s)
@@ -71,7 +70,7 @@ def _to_gravity(u: Float, par: Float, s: Float) -> None:
     feed_bias(s, kb, ex, ey, 0.0)
 
 
-@njit("void(float64[::1], float64[::1])", cache=True)
+@kernel("void(float64[::1], float64[::1])")
 def _to_field(par: Float, s: Float) -> None:
     """Turn the heading towards the field's; at once when it is the first."""
     angle, north = heading_error(s)
@@ -88,7 +87,7 @@ def _to_field(par: Float, s: Float) -> None:
     s[S_SINCE_FIELD] = 0.0
 
 
-@njit("void(float64[::1], float64[::1], float64[::1])", cache=True)
+@kernel("void(float64[::1], float64[::1], float64[::1])")
 def _take_gnss(m: Float, par: Float, s: Float) -> None:
     """Keep a fix: position and velocity, whichever it has."""
     if math.isfinite(m[M_DATA]) and math.isfinite(m[M_DATA + 1]):
@@ -98,7 +97,7 @@ def _take_gnss(m: Float, par: Float, s: Float) -> None:
         s[S_VEL + i] = m[M_DATA + 3 + i]
 
 
-@njit("void(float64, float64[::1], float64[::1])", cache=True)
+@kernel("void(float64, float64[::1], float64[::1])")
 def _publish_position(t_ns: float, s: Float, out: Float) -> None:
     """Write the receiver's velocity and position, carried on by that velocity from its time of validity to t."""
     age_s = max(0.0, (t_ns - s[S_T_GNSS]) * 1e-9)
@@ -121,7 +120,7 @@ def _publish_position(t_ns: float, s: Float, out: Float) -> None:
     out[29] = age_s if age_s > OUTAGE_S else 0.0
 
 
-@njit("void(float64[::1], float64[::1], float64[::1])", cache=True)
+@kernel("void(float64[::1], float64[::1], float64[::1])")
 def _advance(u: Float, par: Float, s: Float) -> None:
     integrate(u, s)
     s[S_AGE] += u[U_DT]
@@ -129,7 +128,7 @@ def _advance(u: Float, par: Float, s: Float) -> None:
     _to_gravity(u, par, s)
 
 
-@njit("void(float64[::1], float64[::1])", cache=True)
+@kernel("void(float64[::1], float64[::1])")
 def _forget(s: Float, out: Float) -> None:
     """Start again, the site kept, and say so."""
     site = (s[S_SITE], s[S_SITE + 1], s[S_SITE + 2], s[S_SITE + 3])
@@ -140,7 +139,7 @@ def _forget(s: Float, out: Float) -> None:
         s[S_VEL + i] = math.nan
 
 
-@njit(ARRAYS, cache=True)
+@kernel(ARRAYS)
 def run(steps: Float, meas: Float, par: Float, s: Float, rows: Float) -> None:
     """Run over navigation steps; see `KernelLane`. A gyro bias learned before a hole is kept."""
     k = 0

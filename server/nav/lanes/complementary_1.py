@@ -13,10 +13,9 @@ from __future__ import annotations
 import math
 from typing import ClassVar, Final
 
-from numba import njit
-
 from server.nav.codes import ALIGNING
 from server.nav.ekf.layout import U_DT, U_GAP_S
+from server.nav.kernel import kernel
 from server.nav.lanes.attitude import (
     GAP_RESTART_S,
     LEAST_FORCE_M_S2,
@@ -51,14 +50,14 @@ S_ANGLE: Final = S_OWN  # (3) roll, pitch, yaw, rad
 SIZE: Final = S_OWN + 3
 
 
-@njit("void(float64[::1])", cache=True)
+@kernel("void(float64[::1])")
 def _set_quaternion(s: Float) -> None:
     q = quat_of(s[S_ANGLE], s[S_ANGLE + 1], s[S_ANGLE + 2])
     for i in range(4):
         s[S_Q + i] = q[i]
 
 
-@njit("void(float64[::1], float64, float64[::1])", cache=True)
+@kernel("void(float64[::1], float64, float64[::1])")
 def _advance(u: Float, tau_s: float, s: Float) -> None:
     """Take one step: the three rates, then roll and pitch towards the accelerometer's."""
     s[S_ANGLE], s[S_ANGLE + 1], s[S_ANGLE + 2] = angles_after(s[S_ANGLE], s[S_ANGLE + 1], s[S_ANGLE + 2], u)
@@ -70,7 +69,7 @@ def _advance(u: Float, tau_s: float, s: Float) -> None:
             s[S_ANGLE + i] = wrap(s[S_ANGLE + i] + K1 * wrap(angle[i] - s[S_ANGLE + i]))
 
 
-@njit(ARRAYS, cache=True)
+@kernel(ARRAYS)
 def run(steps: Float, meas: Float, par: Float, s: Float, rows: Float) -> None:
     """Run over navigation steps; see `KernelLane`."""
     k = 0

@@ -10,10 +10,9 @@ from __future__ import annotations
 import math
 from typing import ClassVar, Final
 
-from numba import njit
-
 from server.nav.codes import ALIGNING, DMP, FUSED
 from server.nav.ekf.layout import M_DATA, M_KIND, M_STATUS, M_STEP, M_T, U_DT, U_DTHETA, U_GAP_S, U_T
+from server.nav.kernel import kernel
 from server.nav.lanes.attitude import (
     PAR_OWN,
     S_AGE,
@@ -35,7 +34,7 @@ from server.nav.types import Float
 NORM_TOLERANCE: Final = 0.1  # a quaternion of another length is damage, not rounding of Q14 (1e-4)
 
 
-@njit("boolean(float64[::1], float64[::1], float64[::1])", cache=True)
+@kernel("boolean(float64[::1], float64[::1], float64[::1])")
 def _take(m: Float, u: Float, s: Float) -> bool:
     """Set the attitude from one sample, turned by the rate from its stamp to the step's end; False when damaged."""
     q = m[M_DATA : M_DATA + 4]
@@ -52,7 +51,7 @@ def _take(m: Float, u: Float, s: Float) -> bool:
     return True
 
 
-@njit(ARRAYS, cache=True)
+@kernel(ARRAYS)
 def run(steps: Float, meas: Float, par: Float, s: Float, rows: Float) -> None:
     """Run over navigation steps; see `KernelLane`. Without a sample for `hold_s` there is no attitude."""
     k = 0

@@ -11,10 +11,9 @@ from __future__ import annotations
 import math
 from typing import Final
 
-from numba import njit
-
 from server.nav.constants import STANDARD_GRAVITY_M_S2
 from server.nav.ekf.layout import M_DATA, U_DT, U_DVEL, U_T
+from server.nav.kernel import kernel
 from server.nav.lanes.attitude import S_OWN, S_Q, wrap
 from server.nav.rotation import matrix_entries
 from server.nav.types import Float
@@ -46,7 +45,7 @@ O_CHANGE: Final = 7  # the receiver's own acceleration, m/s²
 O_SIZE: Final = 8
 
 
-@njit("void(float64[::1])", cache=True)
+@kernel("void(float64[::1])")
 def forget_motion(s: Float) -> None:
     """Start the sums again: the heading jumped, or there was a hole."""
     for i in range(S_OWN, SIZE):
@@ -54,7 +53,7 @@ def forget_motion(s: Float) -> None:
     s[S_SINCE_FIX] = 2.0 * LONGEST_S
 
 
-@njit("void(float64[::1], float64[::1], float64[:, ::1])", cache=True)
+@kernel("void(float64[::1], float64[::1], float64[:, ::1])")
 def note_step(u: Float, s: Float, ring: Float) -> None:
     """Add a step's velocity change, turned by the attitude at its start, which `s` still holds."""
     R = matrix_entries(s[S_Q], s[S_Q + 1], s[S_Q + 2], s[S_Q + 3])
@@ -66,7 +65,7 @@ def note_step(u: Float, s: Float, ring: Float) -> None:
     s[S_SINCE_FIX] += u[U_DT]
 
 
-@njit("UniTuple(float64, 4)(float64, float64[::1], float64[:, ::1])", cache=True)
+@kernel("UniTuple(float64, 4)(float64, float64[::1], float64[:, ::1])")
 def _felt_at(t_ns: float, s: Float, ring: Float) -> tuple[float, float, float, float]:
     """Return (1, sums north, east, heading) at a stamp, 0 first when the ring does not reach it."""
     head, slots = int(s[S_SLOT]), ring.shape[0]
@@ -83,7 +82,7 @@ def _felt_at(t_ns: float, s: Float, ring: Float) -> tuple[float, float, float, f
     return 0.0, 0.0, 0.0, 0.0
 
 
-@njit("boolean(float64[::1], float64, float64[::1], float64[:, ::1], float64[::1])", cache=True)
+@kernel("boolean(float64[::1], float64, float64[::1], float64[:, ::1], float64[::1])")
 def take_velocity(m: Float, t_ns: float, s: Float, ring: Float, out: Float) -> bool:
     """Compare a fix's velocity, valid at the stamp t, with the sums; return whether `out` (O_*) is filled."""
     north, east = m[M_DATA + 3], m[M_DATA + 4]

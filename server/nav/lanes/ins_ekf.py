@@ -16,10 +16,14 @@ from server.nav.ekf.run import run
 from server.nav.ekf.states import ATT, FIELD, INERTIAL, PACKED, WITH_MAG, X_POS, X_Q, X_SIZE, packed
 from server.nav.ekf.yaw_bank import new_bank
 from server.nav.lanes.base import LaneContext, LaneResult, Parameter, Provides
+from server.nav.lanes.ins_ekf_attitude import AttitudeMode
+from server.nav.lanes.ins_ekf_events import event
+from server.nav.lanes.ins_ekf_parameters import PARAMETERS, kernel_parameters
 from server.nav.types import (
     AID_COLUMNS,
     LANE_COLUMNS,
     AidRows,
+    DelayState,
     Event,
     Float,
     Int,
@@ -28,137 +32,10 @@ from server.nav.types import (
     Site,
 )
 
-EVENT_TEXTS: Final[dict[int, tuple[str, str, str, tuple[str, str]]]] = {
-    at.E_ALIGNED: (
-        "aligned",
-        "info",
-        "Aligned; heading σ {0:.3g} rad, tilt σ {1:.3g} rad.",
-        ("sigma_heading_rad", "sigma_tilt_rad"),
-    ),
-    at.E_GNSS_RESET: (
-        "gnss-reset",
-        "caution",
-        "GNSS contradicted the filter for ten seconds; position moved by {0:.1f} m, height by {1:.1f} m.",
-        ("horizontal_m", "down_m"),
-    ),
-    at.E_GNSS_LOST: (
-        "gnss-lost",
-        "caution",
-        "No GNSS fix for {0:.1f} s: dead reckoning. Check the antenna's view of the sky.",
-        ("age_s", ""),
-    ),
-    at.E_GNSS_BACK: (
-        "gnss-back",
-        "info",
-        "GNSS is back after {0:.1f} s; the position was {1:.2f} m away.",
-        ("outage_s", "horizontal_m"),
-    ),
-    at.E_YAW_RESET: ("yaw-reset", "info", "Heading turned by {0:.3f} rad: declination is known now.", ("yaw_rad", "")),
-    at.E_HEADING: (
-        "heading-found",
-        "info",
-        "Heading found from the magnetometer, turned by {0:.2f} rad.",
-        ("yaw_rad", ""),
-    ),
-    at.E_BANK: (
-        "heading-from-motion",
-        "info",
-        "Heading found from accelerations against GNSS velocities: turned by {0:+.2f} rad, σ {1:.2g} rad.",
-        ("yaw_rad", "sigma_rad"),
-    ),
-    at.E_COURSE: ("heading-from-course", "info", "Heading taken from the GNSS course: {0:+.2f} rad.", ("yaw_rad", "")),
-    at.E_FAILED: ("filter-failed", "warning", "The filter lost its numbers and starts again; report this.", ("", "")),
-    at.E_GAP: (
-        "imu-gap",
-        "warning",
-        "No IMU data for {0:.2f} s: aligning again. Check the link and the board's load.",
-        ("gap_s", ""),
-    ),
-}
-
-
-PARAMETERS: Final = (
-    Parameter(
-        name="gyro_noise_rad_s_rthz", unit="rad/s/√Hz", default=math.nan, minimum=1e-7, maximum=0.1,
-        meaning="Gyro noise density in the vehicle; larger trusts the aids more and the gyro less.",
-    ),
-    Parameter(
-        name="accel_noise_m_s2_rthz", unit="m/s²/√Hz", default=math.nan, minimum=1e-6, maximum=10.0,
-        meaning="Accelerometer noise density in the vehicle; measured vibration comes on top.",
-    ),
-    Parameter(
-        name="gyro_bias_walk_rad_s2_rthz", unit="rad/s²/√Hz", default=math.nan, minimum=1e-9, maximum=0.01,
-        meaning="How fast the gyro bias may wander, with temperature above all.",
-    ),
-    Parameter(
-        name="accel_bias_walk_m_s3_rthz", unit="m/s³/√Hz", default=math.nan, minimum=1e-8, maximum=1.0,
-        meaning="How fast the accelerometer bias may wander.",
-    ),
-    Parameter(
-        name="accel_bias_sigma_m_s2", unit="m/s²", default=defaults.ACCEL_BIAS_SIGMA_M_S2, minimum=1e-4, maximum=5.0,
-        meaning="Standard deviation of the accelerometer bias at the start; small after a calibration.",
-    ),
-    Parameter(
-        name="mag_noise_gauss", unit="gauss", default=math.nan, minimum=1e-4, maximum=1.0,
-        meaning="Magnetometer noise and unmodelled disturbance; larger trusts its heading less.",
-    ),
-    Parameter(
-        name="mag_bias_sigma_gauss", unit="gauss", default=defaults.MAG_BIAS_SIGMA_GAUSS, minimum=0.0, maximum=1.0,
-        meaning="Magnetic field fixed to the body that a calibration leaves; zero trusts the calibration wholly.",
-    ),
-    Parameter(
-        name="baro_noise_m", unit="m", default=math.nan, minimum=0.01, maximum=50.0,
-        meaning="Noise of a baro height; larger trusts it less.",
-    ),
-    Parameter(
-        name="gravity_noise_m_s2", unit="m/s²", default=math.nan, minimum=0.01, maximum=20.0,
-        meaning="Accelerations that hide gravity while there is no GNSS; larger trusts the accelerometer's tilt less.",
-    ),
-    Parameter(
-        name="declination_sigma_rad", unit="rad", default=math.nan, minimum=0.0, maximum=1.0,
-        meaning="Error of the magnetic model's declination; zero keeps the model's value.",
-    ),
-    Parameter(
-        name="gate_sigma", unit="", default=defaults.GATE_SIGMA, minimum=2.0, maximum=100.0,
-        meaning="A measurement further from its prediction than this many standard deviations is refused.",
-    ),
+NEVER_YET: Final = (
+    at.A_T_GNSS, at.A_T_GNSS_SEEN, at.A_T_START, at.A_T_ASTRAY, at.A_T_RESET, at.A_T_MAG, at.A_T_BARO, at.A_T_STILL,
+    at.A_T_RATE, at.A_T_GRAVITY, at.A_T_WHEELS, at.A_T_AIRSPEED, at.A_T_SIDESLIP,
 )  # fmt: skip
-
-
-def kernel_parameters(context: LaneContext) -> Float:
-    """Return the kernel's parameter array: the lane's values, else the settings', else the vehicle class's."""
-    noise, settings, values = defaults.of_vehicle(context.vehicle), context.settings, context.values
-
-    def given(name: str) -> float:
-        candidates = (values[name], getattr(settings, name, math.nan), getattr(noise, name, math.nan))
-        return float(next(value for value in candidates if not math.isnan(value)))
-
-    par = np.zeros(at.PAR_SIZE)
-    par[at.PAR_GYRO_NOISE] = given("gyro_noise_rad_s_rthz")
-    par[at.PAR_ACCEL_NOISE] = given("accel_noise_m_s2_rthz")
-    par[at.PAR_GYRO_WALK] = given("gyro_bias_walk_rad_s2_rthz")
-    par[at.PAR_ACCEL_WALK] = given("accel_bias_walk_m_s3_rthz")
-    par[at.PAR_GATE] = given("gate_sigma")
-    par[at.PAR_MAG_NOISE] = given("mag_noise_gauss")
-    par[at.PAR_DECLINATION_SIGMA] = given("declination_sigma_rad")
-    par[at.PAR_FIELD_WALK] = defaults.FIELD_WALK_GAUSS_RTS
-    par[at.PAR_FIELD_SIGMA] = defaults.FIELD_SIGMA
-    par[at.PAR_MAG_BIAS_SIGMA] = given("mag_bias_sigma_gauss")
-    par[at.PAR_MAG_BIAS_WALK] = defaults.MAG_BIAS_WALK_GAUSS_RTS
-    told = not math.isnan(context.delays_s[1])
-    par[at.PAR_MAG_TIMING] = defaults.MAG_TIMING_TOLD_S if told else defaults.MAG_TIMING_S
-    par[at.PAR_WIND_SIGMA] = defaults.WIND_SIGMA_M_S
-    par[at.PAR_WIND_WALK] = defaults.WIND_WALK_M_S_RTS
-    par[at.PAR_BARO_NOISE] = given("baro_noise_m")
-    par[at.PAR_GNSS_CORRELATION] = defaults.GNSS_CORRELATION
-    par[at.PAR_LEVER : at.PAR_LEVER + 3] = settings.lever_arm_b_m
-    delays = [0.0 if math.isnan(delay) else delay for delay in context.delays_s]
-    par[at.PAR_IMU_DELAY], par[at.PAR_MAG_DELAY], par[at.PAR_GNSS_DELAY], par[at.PAR_BARO_DELAY] = delays
-    par[at.PAR_ACCEL_BIAS_SIGMA] = given("accel_bias_sigma_m_s2")
-    par[at.PAR_BARO_DRIFT] = defaults.BARO_DRIFT_M_RTS
-    par[at.PAR_VEHICLE] = context.vehicle
-    par[at.PAR_GRAVITY_NOISE] = given("gravity_noise_m_s2")
-    return par
 
 
 class InsEkf:
@@ -177,20 +54,7 @@ class InsEkf:
         self._x, self._P = np.zeros(X_SIZE), np.zeros(PACKED)
         self._x[X_Q] = 1.0
         self._aux, self._ctl = np.zeros(at.A_SIZE), np.zeros(at.C_SIZE, dtype=np.int64)
-        for index in (at.A_T_GNSS, at.A_T_GNSS_SEEN, at.A_T_START):
-            self._aux[index] = at.NEVER_NS
-        for index in (
-            at.A_T_ASTRAY,
-            at.A_T_RESET,
-            at.A_T_MAG,
-            at.A_T_BARO,
-            at.A_T_STILL,
-            at.A_T_RATE,
-            at.A_T_GRAVITY,
-            at.A_T_WHEELS,
-            at.A_T_AIRSPEED,
-            at.A_T_SIDESLIP,
-        ):
+        for index in NEVER_YET:
             self._aux[index] = at.NEVER_NS
         self._aux[at.A_K_POS] = self._aux[at.A_K_VEL] = self._aux[at.A_K_BARO] = self._aux[at.A_K_MAG] = 1.0
         self._aux[at.A_GNSS_INTERVAL] = 1.0
@@ -204,12 +68,14 @@ class InsEkf:
         self._bank = new_bank()
         self._unknown = (False, False)
         self._choose_delays(context)
+        self._attitude = AttitudeMode(context)
         self._pending: list[Event] = []
 
     def configure(self, context: LaneContext) -> None:
         """Take other parameters from the next step on."""
         self._par = kernel_parameters(context)
         self._choose_delays(context)
+        self._attitude.configure(context)
 
     def _choose_delays(self, context: LaneContext) -> None:
         """Estimate the delays that neither settings nor the protocol told."""
@@ -222,6 +88,7 @@ class InsEkf:
     def set_site(self, site: Site) -> None:
         """Take the origin and, where the model gave one, the field; a heading held against magnetic north turns."""
         aux, ctl = self._aux, self._ctl
+        self._attitude.set_site(site)
         aux[at.A_SITE : at.A_SITE + 3] = math.radians(site.lat_deg), math.radians(site.lon_deg), site.alt_m
         self._x[X_POS : X_POS + 3] = aux[at.A_SITE : at.A_SITE + 3]
         ctl[at.C_HAS_SITE] = 1
@@ -235,11 +102,10 @@ class InsEkf:
             if ctl[at.C_MODE] != LaneStatus.ALIGNING and magnetic:
                 turn_about_down(self._x, self._P, site.declination_rad)
                 self._couple_declination(site)
-                self._pending.append(
-                    self._event(at.E_YAW_RESET, self._r_u[self._newest(), 0], site.declination_rad, 0.0)
-                )
+                t_ns = int(self._r_u[self._newest(), at.U_T]) + self._t0_ns
+                self._pending.append(event(at.E_YAW_RESET, t_ns, site.declination_rad, 0.0))
         if ctl[at.C_VALID] > 0:  # what is older was held in the other frame and cannot be re-run
-            self._r_x[self._newest()], self._r_P[self._newest()] = self._x, self._P
+            self._r_x[self._newest(), :X_SIZE], self._r_P[self._newest()] = self._x, self._P
             ctl[at.C_VALID] = 1
 
     def _couple_declination(self, site: Site) -> None:
@@ -257,7 +123,7 @@ class InsEkf:
         """Advance over steps and measurements; see `Lane.step`."""
         n = len(steps)
         rows = np.empty((n, len(LANE_COLUMNS)))
-        most = 2 * len(meas) + 4 * n
+        most = 3 * len(meas) + 6 * n
         aids, aid_t = np.empty((most, len(AID_COLUMNS))), np.empty(most)
         events = np.empty((4 * n + len(meas) + 4, at.E_SIZE))
         self._ctl[at.C_AIDS] = self._ctl[at.C_EVENTS] = 0
@@ -268,15 +134,26 @@ class InsEkf:
         k = int(self._ctl[at.C_AIDS])
         aid_rows = AidRows(t_ns=aid_t[:k].astype(np.int64) + self._t0_ns, data=aids[:k])
         aid_rows.data[:, 15] += self._t0_ns
-        found = self._pending + [self._event(int(e[0]), *e[1:]) for e in events[: self._ctl[at.C_EVENTS]]]
+        found = self._pending + [
+            event(int(e[0]), int(e[1]) + self._t0_ns, e[2], e[3]) for e in events[: self._ctl[at.C_EVENTS]]
+        ]
         self._pending = []
-        return LaneResult(rows=LaneRows(lane=self.name, t_ns=t_ns, data=rows), aids=aid_rows, events=tuple(found))
+        handed_over = self._attitude.fill(steps, meas, rows)
+        if handed_over:
+            k, angle = handed_over
+            found.append(event(at.E_HANDOVER, int(t_ns[k]), angle, 0.0))
+        return LaneResult(rows=LaneRows(lane=self.name, t_ns=t_ns, data=rows), aids=aid_rows, events=tuple(sorted(found, key=lambda e: e.t_ns)))
 
-    def _event(self, code: int, t: float, first: float, second: float) -> Event:
-        key, severity, text, names = EVENT_TEXTS[code]
-        numbers = zip(names, (float(first), float(second)), strict=True)
-        values = tuple((name, v) for name, v in numbers if name and math.isfinite(v))
-        sentence = text.format(first, second)
-        if code == at.E_ALIGNED and math.isnan(first):
-            sentence = f"Aligned; tilt σ {second:.3g} rad. Heading unknown: no magnetometer was heard."
-        return Event(t_ns=int(t) + self._t0_ns, code=key, severity=severity, text=sentence, values=values)
+    def delays(self) -> tuple[DelayState, ...]:
+        """Return the delays found on line so far, with their standard deviations; () when all were told."""
+        work, names = self._work, ("gnss_position", "gnss_velocity", "mag")
+        asked = (self._unknown[0], self._unknown[0], self._unknown[1])
+        return tuple(
+            DelayState(
+                name=name,
+                delay_s=float(work[at.W_USED + i] + work[at.W_DELTA + i]),
+                sigma_s=float(np.sqrt(work[at.W_M + i * (at.DELAYS + 1)])),
+            )
+            for i, (name, unknown) in enumerate(zip(names, asked, strict=True))
+            if unknown
+        )

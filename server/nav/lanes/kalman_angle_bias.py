@@ -11,10 +11,9 @@ from __future__ import annotations
 import math
 from typing import ClassVar, Final
 
-from numba import njit
-
 from server.nav.codes import ALIGNING
 from server.nav.ekf.layout import U_DT, U_GAP_S
+from server.nav.kernel import kernel
 from server.nav.lanes.attitude import (
     GAP_RESTART_S,
     LEAST_FORCE_M_S2,
@@ -56,14 +55,14 @@ PAR_BIAS: Final = PAR_OWN + 3  # rad/s
 START_SIGMA_RAD: Final = math.radians(10.0)  # one accelerometer mean of a vehicle that may be moving
 
 
-@njit("void(float64[::1])", cache=True)
+@kernel("void(float64[::1])")
 def _set_quaternion(s: Float) -> None:
     q = quat_of(s[S_ANGLE], s[S_ANGLE + 1], s[S_ANGLE + 2])
     for i in range(4):
         s[S_Q + i] = q[i]
 
 
-@njit("void(float64[::1], float64[::1], float64[::1])", cache=True)
+@kernel("void(float64[::1], float64[::1], float64[::1])")
 def _start_axes(u: Float, par: Float, s: Float) -> None:
     f = force_at_end(u)
     s[S_ANGLE], s[S_ANGLE + 1] = level(f[0], f[1], f[2])
@@ -73,7 +72,7 @@ def _start_axes(u: Float, par: Float, s: Float) -> None:
         s[S_P + 3 * i + 2] = par[PAR_BIAS] ** 2
 
 
-@njit("void(int64, float64[::1], float64[::1], float64[::1])", cache=True)
+@kernel("void(int64, float64[::1], float64[::1], float64[::1])")
 def _predict(i: int, u: Float, par: Float, s: Float) -> None:
     """Take the bias off an angle whose rate is added already; P = A P Aᵀ + Q [S4 §2], A = [[1, −dt], [0, 1]]."""
     dt = u[U_DT]
@@ -84,7 +83,7 @@ def _predict(i: int, u: Float, par: Float, s: Float) -> None:
     p[2] += par[PAR_WALK] ** 2 * dt
 
 
-@njit("void(int64, float64, float64, float64[::1])", cache=True)
+@kernel("void(int64, float64, float64, float64[::1])")
 def _correct(i: int, angle_rad: float, r: float, s: Float) -> None:
     """Take the accelerometer's angle with variance r in rad²: K = P Hᵀ/(H P Hᵀ + R), x += K (z − H x) [S4 §2]."""
     p = s[S_P + 3 * i : S_P + 3 * i + 3]
@@ -97,7 +96,7 @@ def _correct(i: int, angle_rad: float, r: float, s: Float) -> None:
     p[0] -= K0 * p[0]
 
 
-@njit("void(float64[::1], float64[::1], float64[::1])", cache=True)
+@kernel("void(float64[::1], float64[::1], float64[::1])")
 def _advance(u: Float, par: Float, s: Float) -> None:
     s[S_ANGLE], s[S_ANGLE + 1], s[S_ANGLE + 2] = angles_after(s[S_ANGLE], s[S_ANGLE + 1], s[S_ANGLE + 2], u)
     f = force_at_end(u)
@@ -109,7 +108,7 @@ def _advance(u: Float, par: Float, s: Float) -> None:
             _correct(i, angle[i], par[PAR_ANGLE] ** 2 / u[U_DT], s)
 
 
-@njit(ARRAYS, cache=True)
+@kernel(ARRAYS)
 def run(steps: Float, meas: Float, par: Float, s: Float, rows: Float) -> None:
     """Run over navigation steps; see `KernelLane`."""
     k = 0

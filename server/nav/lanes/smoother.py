@@ -14,9 +14,9 @@ from typing import ClassVar
 import numpy as np
 
 from server.nav.ekf import layout as at
-from server.nav.ekf.record import T_BOUNDARIES, T_RESETS
+from server.nav.ekf.smooth.layout import T_BOUNDARIES, T_RESETS
 from server.nav.lanes.base import LaneContext, LaneResult, Parameter, Provides
-from server.nav.lanes.ins_ekf import PARAMETERS
+from server.nav.lanes.ins_ekf_parameters import PARAMETERS
 from server.nav.lanes.smoother_filter import Recorder, smooth_all
 from server.nav.types import LANE_COLUMNS, Event, Float, Int, LaneRows, Site
 

@@ -16,9 +16,10 @@ import numpy as np
 
 from server.nav.codes import FAILED
 from server.nav.ekf import layout as at
-from server.nav.ekf import record as rec
-from server.nav.ekf import smoother as back
 from server.nav.ekf.run import GAP_RESTART_S
+from server.nav.ekf.smooth import layout as rec
+from server.nav.ekf.smooth.back import smooth
+from server.nav.ekf.smooth.record import record_slots
 from server.nav.ekf.states import PACKED, POS, X_SIZE, N
 from server.nav.ekf.update import LOGGED
 from server.nav.lanes.base import LaneContext
@@ -57,7 +58,7 @@ class Carried:
     def __init__(self, states: int) -> None:
         """Start at the end of the recording, after which nothing is known; `states` are active."""
         self.states = states
-        self.lam, self.Lam, self.b = np.zeros(N), np.zeros((N, N)), np.zeros(back.B_SIZE)
+        self.lam, self.Lam, self.b = np.zeros(N), np.zeros((N, N)), np.zeros(rec.B_SIZE)
 
 
 class Recorder(InsEkf):
@@ -100,9 +101,9 @@ class Recorder(InsEkf):
         if more <= 0:
             return
         self._own_work[at.W_DIM] = self._work[at.W_DIM]
-        rec.record_slots(
-            end, head, head - alive, self.t, self._own_x, self._own_P, self._before, self._h, self._par, self._aux.copy(),
-            self._ctl.copy(), self._own_work, self._r_u, self._r_x, self._r_P, self._r_m, self._r_n,
+        record_slots(
+            end, head, head - alive, self.t, self._own_x, self._own_P, self._before, self._h, self._par,
+            self._aux.copy(), self._ctl.copy(), self._own_work, self._r_u, self._r_x, self._r_P, self._r_m, self._r_n,
             np.empty((1, len(AID_COLUMNS))), np.empty(1), np.empty((8, at.E_SIZE)), *tape.arrays(more),
         )  # fmt: skip
         self._ctl[at.C_VALID] = min(alive, 1 if everything else self._depth)
@@ -110,7 +111,7 @@ class Recorder(InsEkf):
     def back(self, tape: Tape, step_of: Int, carried: Carried, rows: Float) -> None:
         """Go back over a window."""
         slots = int(tape.count[0])
-        back.smooth(
+        smooth(
             slots, carried.states, tape.u, tape.x, tape.P, tape.f, tape.s, tape.log, step_of, carried.lam, carried.Lam,
             carried.b, np.zeros(X_SIZE), np.zeros(PACKED), np.zeros(N), np.zeros((N, N)), np.zeros((POS + 3, N)),
             self._par, self._aux.copy(), self._ctl.copy(), self._work.copy(), rows,
@@ -193,7 +194,7 @@ class Way:
 def smooth_all(
     start: Callable[[], Recorder], steps: Float, meas: Float, t_ns: Int, window_steps: int = WINDOW_STEPS
 ) -> tuple[Float, Float]:
-    """Return smoothed rows of LANE_COLUMNS, one a step, and where the recording ended (`record`, T_…).
+    """Return smoothed rows of LANE_COLUMNS, one a step, and where the recording ended (`smooth.layout`, T_…).
 
     Args:
         start: gives the filter before its first step.

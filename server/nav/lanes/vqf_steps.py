@@ -5,10 +5,9 @@ from __future__ import annotations
 import math
 from typing import Final
 
-from numba import njit
-
 from server.nav.codes import ATTITUDE, FAILED
 from server.nav.ekf.layout import U_DT, U_DTHETA, U_GAP_S, U_GYRO
+from server.nav.kernel import kernel
 from server.nav.lanes.attitude import (
     GAP_RESTART_S,
     S_FIELD,
@@ -30,10 +29,9 @@ OLDEST_HELD_S: Final = 1.0  # a field older than this is no longer held
 ROOT: Final = math.sqrt(0.5)
 
 
-@njit(
+@kernel(
     "void(float64[:, ::1], float64[:, ::1], float64[::1], float64[::1], float64[:, ::1], float64[:, ::1],"
-    " float64[:, ::1], float64[::1])",
-    cache=True,
+    " float64[:, ::1], float64[::1])"
 )
 def prepare(
     steps: Float, meas: Float, par: Float, s: Float, turn: Float, force: Float, field: Float, flag: Float
@@ -69,7 +67,7 @@ def prepare(
             turn[n, i], force[n, i], field[n, i] = sign * u[U_DTHETA + i], sign * f[i], sign * s[S_FIELD + i]
 
 
-@njit("void(float64[:, ::1], float64[:, ::1], float64[:, ::1], float64, float64, float64[:, ::1])", cache=True)
+@kernel("void(float64[:, ::1], float64[:, ::1], float64[:, ::1], float64, float64, float64[:, ::1])")
 def publish_all(steps: Float, q: Float, bias: Float, delay_s: float, turn_rad: float, rows: Float) -> None:
     """Write rows from the library's quaternions (FLU to ENU) and biases, carried on over the IMU's delay.
 

@@ -32,6 +32,7 @@ from server.nav.preprocess.memory import (
     S_GYRO,
     S_LIVELY,
     S_MAG_BAD,
+    S_MAG_GOOD,
     S_MAG_SCALE,
     S_SAME,
     S_T_LAST,
@@ -41,6 +42,7 @@ from server.nav.types import Float, Int
 GYRO_LIMIT_RAD_S: Final = 80.0  # 4,500 °/s: past every MEMS gyro's full scale
 ACCEL_LIMIT_M_S2: Final = 640.0  # 65 g: past every MEMS accelerometer's full scale
 STUCK_S: Final = 0.5
+PROVEN_SAMPLES: Final = 50.0  # a scale that explained so many is right: what does not fit later is a magnet
 
 
 @kernel("float64(float64)")
@@ -101,12 +103,14 @@ def check_mag(row: Float, s: Float, counters: Int) -> int:
         counters[N_RANGE] += 1
         return REFUSED_RANGE
     norm = math.sqrt(row[0] ** 2 + row[1] ** 2 + row[2] ** 2)
-    if s[S_MAG_SCALE] == 0.0 or s[S_MAG_BAD] >= 20.0:
+    if s[S_MAG_SCALE] == 0.0 or (s[S_MAG_BAD] >= 20.0 and s[S_MAG_GOOD] < PROVEN_SAMPLES):
         s[S_MAG_SCALE], s[S_MAG_BAD] = decade_scale(norm), 0.0
     for i in range(3):
         row[i] *= s[S_MAG_SCALE]
     norm *= s[S_MAG_SCALE]
-    s[S_MAG_BAD] = 0.0 if 0.15 <= norm < 1.5 else s[S_MAG_BAD] + 1.0
+    likely = 0.15 <= norm < 1.5
+    s[S_MAG_BAD] = 0.0 if likely else s[S_MAG_BAD] + 1.0
+    s[S_MAG_GOOD] += 1.0 if likely else 0.0
     if EARTH_FIELD_MIN_GAUSS <= norm <= EARTH_FIELD_MAX_GAUSS:
         return FUSED
     counters[N_FIELD] += 1

@@ -45,7 +45,8 @@ S_INTERVAL: Final = 33  # mean IMU interval, s
 S_T_KIND: Final = 34  # (11) last stamp of each kind, ns; NEVER_NS before the first
 S_RATE: Final = 45  # (11) mean interval of each kind, s
 S_T_GAP: Final = 56  # end of the last hole, ns; NEVER_NS before the first
-S_SIZE: Final = 57
+S_MAG_GOOD: Final = 57  # samples that the scale explained
+S_SIZE: Final = 58
 
 
 def new_memory() -> tuple[Float, Int]:

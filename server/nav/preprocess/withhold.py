@@ -4,7 +4,7 @@ from __future__ import annotations
 
 from typing import Final
 
-from server.nav.codes import AIRSPEED, BARO, FUSED, GNSS, MAG, REFUSED_DISABLED, REFUSED_WITHHELD
+from server.nav.codes import AIRSPEED, BARO, FUSED, GNSS, MAG, REFUSED_DISABLED, REFUSED_DISTURBED, REFUSED_WITHHELD
 from server.nav.ekf.layout import M_KIND, M_STATUS, M_T
 from server.nav.kernel import kernel
 from server.nav.types import Float
@@ -27,9 +27,9 @@ def withhold(meas: Float, withheld: Float, gnss_delay_s: float, use: int) -> Non
     """
     for k in range(meas.shape[0]):
         m = meas[k]
-        if m[M_STATUS] != FUSED:
-            continue
         kind = int(m[M_KIND])
+        if m[M_STATUS] != FUSED and not (kind == MAG and m[M_STATUS] == REFUSED_DISTURBED):  # a lane may use that one
+            continue
         bit = USE_GNSS if kind == GNSS else (USE_BARO if kind == BARO else (USE_MAG if kind == MAG else 0))
         bit = USE_AIRSPEED if kind == AIRSPEED else bit
         if bit and not use & bit:

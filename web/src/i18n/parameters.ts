@@ -3,6 +3,8 @@ interface ParameterText {
   readonly en: string;
   readonly zh: string;
   readonly meaning: string;
+  /** English meaning of a setting that is shown as a switch. */
+  readonly switched?: string;
 }
 
 /** By parameter, or by lane and parameter where a lane means something else by it. A test compares with the server. */
@@ -270,16 +272,19 @@ export const parameterTexts: Readonly<Record<string, ParameterText>> = {
   motion_bias: {
     en: "Gyro bias learned in motion",
     zh: "运动中估计陀螺零偏",
+    switched: "On: the gyro bias is estimated in motion too.",
     meaning: "打开时在运动中也估计陀螺零偏。",
   },
   rest_bias: {
     en: "Gyro bias learned at rest",
     zh: "静止时估计陀螺零偏",
+    switched: "On: the gyro bias is estimated at rest.",
     meaning: "打开时在静止时估计陀螺零偏。",
   },
   mag_rejection: {
     en: "Unusual fields ignored",
     zh: "忽略异常磁场",
+    switched: "On: a field of unusual strength or dip is ignored.",
     meaning: "打开时忽略强度或倾角异常的磁场。",
   },
   rest_gyro_rad_s: {

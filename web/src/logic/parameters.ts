@@ -1,5 +1,4 @@
 import type { ParameterOut } from "../api/wire";
-import { compact } from "./format";
 
 const RAD_TO_DEG = 180 / Math.PI;
 
@@ -17,20 +16,12 @@ export function written(value: number | null, { unit }: ParameterOut): string {
   return String(shown);
 }
 
-/** For limits and defaults, which are read and not edited. */
+/** For limits and defaults, which are read and not edited: four significant digits. */
 export function told(value: number, { unit }: ParameterOut): string {
-  const shown = value * shownUnit(unit).factor;
+  const shown = Number((value * shownUnit(unit).factor).toPrecision(4));
   const size = Math.abs(shown);
-  const short = Number(shown.toPrecision(3));
-  return size !== 0 && (size < 1e-3 || size >= 1e5) ? compactPower(short) : compactPlain(short);
-}
-
-function compactPower(value: number): string {
-  return value.toExponential().replace("e+", "e").replace("-", "\u2212");
-}
-
-function compactPlain(value: number): string {
-  return Number.isInteger(value) ? String(value).replace("-", "\u2212") : compact(value).replace(/0+$/, "");
+  const text = size !== 0 && (size < 1e-3 || size >= 1e5) ? shown.toExponential() : String(shown);
+  return text.replace("e+", "e").replaceAll("-", "\u2212");
 }
 
 export type Read =
@@ -41,12 +32,13 @@ export type Read =
 export function readSetting(text: string, parameter: ParameterOut): Read {
   const trimmed = text
     .trim()
-    .replace("\u2212", "-")
+    .replaceAll("\u2212", "-")
     .replace(/^([^.,]*),([^.,]*)$/, "$1.$2");
   if (trimmed === "") return { ok: true, value: null };
   const typed = /^[-+]?(\d+\.?\d*|\.\d+)(e[-+]?\d+)?$/i.test(trimmed) ? Number(trimmed) : NaN;
   if (!Number.isFinite(typed)) return { ok: false, why: "number" };
-  const value = snapped(typed / shownUnit(parameter.unit).factor, parameter);
+  const { factor } = shownUnit(parameter.unit);
+  const value = factor === 1 ? typed : snapped(typed / factor, parameter);
   const inside = value >= parameter.minimum && value <= parameter.maximum;
   return inside ? { ok: true, value } : { ok: false, why: "range" };
 }
@@ -54,7 +46,7 @@ export function readSetting(text: string, parameter: ParameterOut): Read {
 /** A limit or the default as it was shown means exactly that, not what the rounded text divides to. */
 function snapped(value: number, { minimum, maximum, default: own }: ParameterOut): number {
   const same = [minimum, maximum, own].find(
-    (each) => each !== null && Math.abs(value - each) <= 5e-4 * Math.abs(each),
+    (each) => each !== null && Math.abs(value - each) <= 6e-4 * Math.abs(each),
   );
   return same ?? value;
 }

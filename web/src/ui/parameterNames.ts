@@ -9,6 +9,6 @@ export function parameterName(lane: string, name: string): string {
 
 /** What a setting does: the service's own English sentence, or ours. */
 export function parameterMeaning(lane: string, { name, meaning }: ParameterOut): string {
-  if (speech.language === "en") return meaning;
-  return (parameterTexts[`${lane}.${name}`] ?? parameterTexts[name])?.meaning ?? meaning;
+  const texts = parameterTexts[`${lane}.${name}`] ?? parameterTexts[name];
+  return (speech.language === "en" ? texts?.switched : texts?.meaning) ?? meaning;
 }

@@ -2,16 +2,15 @@
 
 from __future__ import annotations
 
-from numba import njit
-
 from server.nav.codes import FUSED, MAG, REFUSED_DISTURBED
 from server.nav.ekf.attitude.run import step
 from server.nav.ekf.attitude.sample import take_mag
 from server.nav.ekf.layout import M_DATA, M_KIND, M_STATUS, M_STEP, M_T
+from server.nav.kernel import kernel
 from server.nav.types import Float
 
 
-@njit("void(float64[:, ::1], float64[:, ::1], float64, float64[::1], float64[::1], float64[:, ::1])", cache=True)
+@kernel("void(float64[:, ::1], float64[:, ::1], float64, float64[::1], float64[::1], float64[:, ::1])")
 def run_block(steps: Float, meas: Float, mag_delay_s: float, s: Float, par: Float, rows: Float) -> None:
     """Run over a block; a field of unlikely strength is taken too, because an attached magnet makes just that.
 

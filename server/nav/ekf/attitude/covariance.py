@@ -4,8 +4,6 @@ from __future__ import annotations
 
 import math
 
-from numba import njit
-
 from server.nav.ekf.attitude.layout import (
     ACCEL_BIAS,
     ATT,
@@ -39,10 +37,11 @@ from server.nav.ekf.attitude.parameters import (
     K_TURN_NOISE,
 )
 from server.nav.ekf.predict import VIBRATION_BANDWIDTH_HZ
+from server.nav.kernel import kernel
 from server.nav.types import Float
 
 
-@njit("void(float64[::1])", cache=True, fastmath={"contract"})
+@kernel("void(float64[::1])", contract=True)
 def _carry_rows(s: Float) -> None:
     """P ← F P: only the rows of velocity, field and attitude change.
 
@@ -82,7 +81,7 @@ def _carry_rows(s: Float) -> None:
         s[f + 2 * N + j] += f0 * d1 - f1 * d0
 
 
-@njit("void(float64[::1])", cache=True)
+@kernel("void(float64[::1])")
 def _transpose(s: Float) -> None:
     for i in range(N):
         for j in range(i):
@@ -90,7 +89,7 @@ def _transpose(s: Float) -> None:
             s[a], s[b] = s[b], s[a]
 
 
-@njit("void(float64[::1])", cache=True)
+@kernel("void(float64[::1])")
 def _symmetrize(s: Float) -> None:
     for i in range(N):
         for j in range(i):
@@ -98,7 +97,7 @@ def _symmetrize(s: Float) -> None:
             s[a] = s[b] = 0.5 * (s[a] + s[b])
 
 
-@njit("void(float64[::1], float64)", cache=True)
+@kernel("void(float64[::1], float64)")
 def _return_rows(s: Float, share: float) -> None:
     """P ← F P for a field that goes back to the usual one by `share`: ξ loses that share of δf = ξ + δθ × f."""
     f, t = S_P + N * FIELD, S_P + N * ATT
@@ -110,7 +109,7 @@ def _return_rows(s: Float, share: float) -> None:
         s[f + 2 * N + j] -= share * (s[f + 2 * N + j] - y * north)
 
 
-@njit("void(float64[::1], float64[::1], float64)", cache=True)
+@kernel("void(float64[::1], float64[::1], float64)")
 def _return_field(s: Float, par: Float, dt: float) -> None:
     """Let the field tend to the usual one: another place has another disturbance. This tells the heading."""
     keep = math.exp(-dt / par[K_FIELD_TIME])
@@ -123,7 +122,7 @@ def _return_field(s: Float, par: Float, dt: float) -> None:
         s[S_P + (N + 1) * (FIELD + i)] += (1.0 - keep * keep) * par[K_FIELD_SIGMA] ** 2
 
 
-@njit("void(float64[::1], float64[::1])", cache=True)
+@kernel("void(float64[::1], float64[::1])")
 def close_block(s: Float, par: Float) -> None:
     """Advance the covariance over the block that is open.
 

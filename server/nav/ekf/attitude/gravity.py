@@ -9,18 +9,17 @@ from __future__ import annotations
 
 from typing import Final
 
-from numba import njit
-
 from server.nav.ekf.attitude.layout import S_B_DT, S_H, S_P, S_X, VEL, N
 from server.nav.ekf.attitude.parameters import K_SPEED_SIGMA, K_SPEED_TIME
 from server.nav.ekf.attitude.update import clear_row, fuse
+from server.nav.kernel import kernel
 from server.nav.types import Float
 
 SURPRISE: Final = 4.0
 """Two standard deviations, squared: a speed beyond them is real, and loosens the bound."""
 
 
-@njit("void(float64[::1], float64[::1])", cache=True)
+@kernel("void(float64[::1], float64[::1])")
 def fuse_bounded_velocity(s: Float, par: Float) -> None:
     """Observe the velocity as zero within what a body without GNSS may have."""
     unexplained = 0.0

@@ -10,8 +10,6 @@ from __future__ import annotations
 import math
 from typing import Final
 
-from numba import njit
-
 from server.nav.ekf.attitude.layout import (
     ATT,
     D_ATTACHED,
@@ -49,6 +47,7 @@ from server.nav.ekf.attitude.parameters import (
 )
 from server.nav.ekf.attitude.sample import clear_samples, field_row, innovation, level_field
 from server.nav.ekf.attitude.update import clear_row, forget, fuse, inject, project, turn_nominal
+from server.nav.kernel import kernel
 from server.nav.types import Float
 
 SILENT_S: Final = 1.0
@@ -60,7 +59,7 @@ NOTHING_RAD: Final = 100.0
 """Against it even a tilt of a radian is small: what a heading is taken from must not be read as news of the tilt."""
 
 
-@njit("void(float64[::1], float64[::1])", cache=True)
+@kernel("void(float64[::1], float64[::1])")
 def _first_heading(s: Float, par: Float) -> None:
     """Turn the attitude so that the field points north, and say how sure that is."""
     if level_field(s) < LEAST_NORTH_GAUSS:
@@ -87,7 +86,7 @@ def _first_heading(s: Float, par: Float) -> None:
     s[S_DISTURBED] = D_NONE
 
 
-@njit("boolean(float64[::1], float64[::1], float64, float64)", cache=True)
+@kernel("boolean(float64[::1], float64[::1], float64, float64)")
 def _attached(s: Float, par: Float, blend: float, expected2: float) -> bool:
     """Follow the mean contradiction in the body's own frame; what is too much for chance is taken for the offset's.
 
@@ -107,7 +106,7 @@ def _attached(s: Float, par: Float, blend: float, expected2: float) -> bool:
     return True
 
 
-@njit("void(float64[::1], float64)", cache=True)
+@kernel("void(float64[::1], float64)")
 def _correct(s: Float, variance: float) -> None:
     for i in range(3):
         field_row(s, i)
@@ -115,7 +114,7 @@ def _correct(s: Float, variance: float) -> None:
     inject(s)
 
 
-@njit("void(float64[::1], float64)", cache=True)
+@kernel("void(float64[::1], float64)")
 def _learn_usual(s: Float, dt: float) -> None:
     """Move the usual strength and dip towards what is met."""
     blend = dt / REF_TIME_S
@@ -123,7 +122,7 @@ def _learn_usual(s: Float, dt: float) -> None:
     s[S_REF + 1] += blend * (s[S_X + FIELD + 2] - s[S_REF + 1])
 
 
-@njit("void(float64[::1], float64[::1], float64)", cache=True)
+@kernel("void(float64[::1], float64[::1], float64)")
 def _use(s: Float, par: Float, dt: float) -> None:
     """Judge the mean sample and correct with it; its noise is correlated over a time in motion, hardly so at rest."""
     still = s[S_REST] == 1.0
@@ -148,7 +147,7 @@ def _use(s: Float, par: Float, dt: float) -> None:
         _learn_usual(s, dt)
 
 
-@njit("void(float64[::1], float64[::1])", cache=True)
+@kernel("void(float64[::1], float64[::1])")
 def fuse_field(s: Float, par: Float) -> None:
     """Use the magnetic samples collected so far; none for a second is a state of its own."""
     since_s = (s[S_T] - s[S_M_T]) * 1e-9
@@ -164,7 +163,7 @@ def fuse_field(s: Float, par: Float) -> None:
     clear_samples(s)
 
 
-@njit("void(float64[::1], float64[::1])", cache=True)
+@kernel("void(float64[::1], float64[::1])")
 def lift(s: Float, par: Float) -> None:
     """The board leaves the place where it rested: the field there had its own disturbance."""
     for i in range(3):

@@ -4,8 +4,6 @@ from __future__ import annotations
 
 import math
 
-from numba import njit
-
 from server.nav.ekf.attitude.layout import (
     ACCEL_BIAS,
     GYRO_BIAS,
@@ -35,11 +33,12 @@ from server.nav.ekf.layout import (
     U_T,
     U_VIBRATION,
 )
+from server.nav.kernel import kernel
 from server.nav.rotation import matrix_entries, quat_from_rotvec, quat_mul
 from server.nav.types import Float
 
 
-@njit("void(float64[::1], float64[::1])", cache=True)
+@kernel("void(float64[::1], float64[::1])")
 def _collect(u: Float, s: Float) -> None:
     dt = u[U_DT]
     s[S_B_DT] += dt
@@ -50,7 +49,7 @@ def _collect(u: Float, s: Float) -> None:
     s[S_B_GAP] = max(s[S_B_GAP], u[U_GAP_S])
 
 
-@njit("void(float64[::1], float64[::1])", cache=True)
+@kernel("void(float64[::1], float64[::1])")
 def integrate(u: Float, s: Float) -> None:
     """Advance attitude and velocity by one navigation step [Solà 2017, eq. 260].
 

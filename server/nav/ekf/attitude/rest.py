@@ -5,8 +5,6 @@ from __future__ import annotations
 import math
 from typing import Final
 
-from numba import njit
-
 from server.nav.ekf.attitude.layout import (
     GYRO_BIAS,
     S_B_ACCEL,
@@ -26,6 +24,7 @@ from server.nav.ekf.attitude.layout import (
 )
 from server.nav.ekf.attitude.parameters import K_GYRO_NOISE, K_REST_ACCEL, K_REST_GYRO, K_REST_SPEED, K_REST_TIME
 from server.nav.ekf.attitude.update import clear_row, fuse
+from server.nav.kernel import kernel
 from server.nav.types import Float
 
 BLEND_S: Final = 0.5
@@ -34,7 +33,7 @@ SLOW_TURN_RAD_S: Final = 0.009  # 0.5 °/s: no bias moves that far between two r
 COLOUR: Final = 2.0  # a gyro's noise at rest is not quite white
 
 
-@njit("void(float64[::1], float64[::1])", cache=True)
+@kernel("void(float64[::1], float64[::1])")
 def watch(s: Float, par: Float) -> None:
     """Update the running spread of rate and specific force from the block, and the verdict s[S_REST]."""
     dt = s[S_B_DT]
@@ -58,7 +57,7 @@ def watch(s: Float, par: Float) -> None:
     s[S_REST] = 1.0 if s[S_R_STILL_S] > par[K_REST_TIME] else 0.0
 
 
-@njit("void(float64[::1], float64[::1])", cache=True)
+@kernel("void(float64[::1], float64[::1])")
 def fuse_rest(s: Float, par: Float) -> None:
     """Take the block's mean rate as the gyro's bias (the Earth's rotation with it) and the velocity as zero."""
     dt = s[S_B_DT]

@@ -5,8 +5,6 @@ from __future__ import annotations
 import math
 from typing import Final
 
-from numba import njit
-
 from server.nav.ekf.attitude.covariance import close_block
 from server.nav.ekf.attitude.gravity import fuse_bounded_velocity
 from server.nav.ekf.attitude.layout import (
@@ -44,6 +42,7 @@ from server.nav.ekf.attitude.rest import fuse_rest, watch
 from server.nav.ekf.attitude.start import start
 from server.nav.ekf.attitude.update import forget, inject
 from server.nav.ekf.layout import U_GAP_S
+from server.nav.kernel import kernel
 from server.nav.rotation import quat_from_rotvec, quat_mul
 from server.nav.types import Float
 
@@ -53,7 +52,7 @@ GAP_RESTART_S: Final = 1.0  # past it nothing is left of the attitude of a movin
 UNKNOWN_RAD: Final = math.pi
 
 
-@njit("void(float64[::1], float64[::1])", cache=True)
+@kernel("void(float64[::1], float64[::1])")
 def _close(s: Float, par: Float) -> None:
     """Bring everything to the end of the block that is open, and open the next."""
     rested = s[S_REST]
@@ -73,7 +72,7 @@ def _close(s: Float, par: Float) -> None:
         s[S_B_DT + i] = 0.0
 
 
-@njit("boolean(float64[::1])", cache=True)
+@kernel("boolean(float64[::1])")
 def _sane(s: Float) -> bool:
     total = 0.0
     for i in range(S_P):
@@ -83,7 +82,7 @@ def _sane(s: Float) -> bool:
     return math.isfinite(total)
 
 
-@njit("void(float64[::1], float64[::1], float64[::1])", cache=True)
+@kernel("void(float64[::1], float64[::1], float64[::1])")
 def publish(s: Float, par: Float, out: Float) -> None:
     """Write the output row of the present state; NaN before there is an attitude.
 
@@ -110,7 +109,7 @@ def publish(s: Float, par: Float, out: Float) -> None:
     out[O_DISTURBED], out[O_REST], out[O_HEADING] = s[S_DISTURBED], s[S_REST], s[S_HEADING]
 
 
-@njit("void(float64[::1], float64[::1], float64[::1], float64[::1])", cache=True)
+@kernel("void(float64[::1], float64[::1], float64[::1], float64[::1])")
 def step(u: Float, s: Float, par: Float, out: Float) -> None:
     """Advance by one navigation step and publish; start when there is nothing yet or a hole was too long.
 

@@ -8,8 +8,6 @@ from __future__ import annotations
 import math
 from typing import Final
 
-from numba import njit
-
 from server.nav.ekf.attitude.layout import (
     FIELD,
     MAG_DELAY,
@@ -28,6 +26,7 @@ from server.nav.ekf.attitude.layout import (
 )
 from server.nav.ekf.attitude.parameters import K_SIZE
 from server.nav.ekf.attitude.update import clear_row
+from server.nav.kernel import kernel
 from server.nav.rotation import matrix_entries, quat_from_rotvec, quat_mul
 from server.nav.types import Float
 
@@ -36,7 +35,7 @@ OLDEST_S: Final = 0.1
 LARGEST_GAUSS: Final = 16.0  # full scale of common magnetometers
 
 
-@njit("void(float64[::1], float64, float64[::1], float64[::1])", cache=True)
+@kernel("void(float64[::1], float64, float64[::1], float64[::1])")
 def take_mag(m_b: Float, t_ns: float, s: Float, par: Float) -> None:
     """Collect one magnetic sample; it is used when the next block of steps closes.
 
@@ -60,20 +59,20 @@ def take_mag(m_b: Float, t_ns: float, s: Float, par: Float) -> None:
     s[S_M_COUNT] += 1.0
 
 
-@njit("void(float64[::1])", cache=True)
+@kernel("void(float64[::1])")
 def clear_samples(s: Float) -> None:
     """Forget the samples collected."""
     for i in range(S_M_SIZE):
         s[S_M_COUNT + i] = 0.0
 
 
-@njit("float64(float64[::1])", cache=True)
+@kernel("float64(float64[::1])")
 def level_field(s: Float) -> float:
     """Return the horizontal part of the mean sample, gauss."""
     return float(math.hypot(s[S_M_Z], s[S_M_Z + 1]) / s[S_M_COUNT])
 
 
-@njit("void(float64[::1], int64)", cache=True)
+@kernel("void(float64[::1], int64)")
 def field_row(s: Float, i: int) -> None:
     """Set H for component i, NED, of the mean sample."""
     n, f, w = s[S_M_COUNT], S_X + FIELD, S_M_W
@@ -85,7 +84,7 @@ def field_row(s: Float, i: int) -> None:
     s[S_H + MAG_DELAY] = (s[w + j] * s[f + k] - s[w + k] * s[f + j]) / n
 
 
-@njit("float64(float64[::1], int64)", cache=True)
+@kernel("float64(float64[::1], int64)")
 def innovation(s: Float, i: int) -> float:
     """Return component i, NED, of the mean sample minus the expected one, gauss."""
     n, f, o, w = s[S_M_COUNT], S_X + FIELD, S_X + MAG_OFFSET, S_M_W

@@ -5,8 +5,6 @@ from __future__ import annotations
 import math
 from typing import Final
 
-from numba import njit
-
 from server.nav.ekf.attitude.layout import (
     ACCEL_BIAS,
     ATT,
@@ -52,6 +50,7 @@ from server.nav.ekf.attitude.parameters import (
 from server.nav.ekf.attitude.sample import clear_samples
 from server.nav.ekf.attitude.update import forget
 from server.nav.ekf.layout import NEVER_NS, U_ACCEL_MEAN, U_GYRO_MEAN, U_T
+from server.nav.kernel import kernel
 from server.nav.types import Float
 
 TILT_RAD: Final = 0.15
@@ -61,7 +60,7 @@ SPEED_M_S: Final = 1.0
 LEAST_FORCE: Final = 0.3  # of gravity; below it the board falls and shows no down
 
 
-@njit("void(float64[::1], float64[::1])", cache=True)
+@kernel("void(float64[::1], float64[::1])")
 def _unknown(s: Float, par: Float) -> None:
     """Set what a board is not known by at power-up; kept over a hole in the data."""
     for i in range(N):
@@ -75,7 +74,7 @@ def _unknown(s: Float, par: Float) -> None:
     forget(s, MAG_DELAY, par[K_DELAY_SIGMA] ** 2)
 
 
-@njit("void(float64[::1], float64[::1], float64)", cache=True)
+@kernel("void(float64[::1], float64[::1], float64)")
 def _fresh(u: Float, s: Float, tilt_rad: float) -> None:
     """Set what every start begins anew."""
     for i in range(3):
@@ -94,7 +93,7 @@ def _fresh(u: Float, s: Float, tilt_rad: float) -> None:
     s[S_HEADING], s[S_DISTURBED], s[S_M_T] = H_NONE, D_NO_MAG, NEVER_NS
 
 
-@njit("boolean(float64[::1], float64[::1], float64[::1])", cache=True)
+@kernel("boolean(float64[::1], float64[::1], float64[::1])")
 def start(u: Float, s: Float, par: Float) -> bool:
     """Set the first attitude from one step's specific force, heading unknown; return False in free fall.
 
@@ -117,7 +116,7 @@ def start(u: Float, s: Float, par: Float) -> bool:
     return True
 
 
-@njit("void(float64[::1], float64, float64)", cache=True)
+@kernel("void(float64[::1], float64, float64)")
 def set_field(s: Float, norm_gauss: float, dip_rad: float) -> None:
     """Take strength and dip (positive down) of the usual field from a model; without it they are learned."""
     s[S_REF], s[S_REF + 1] = norm_gauss * math.cos(dip_rad), norm_gauss * math.sin(dip_rad)

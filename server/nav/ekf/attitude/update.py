@@ -5,9 +5,8 @@ from __future__ import annotations
 import math
 from typing import Final
 
-from numba import njit
-
 from server.nav.ekf.attitude.layout import ATT, FIELD, MAG_DELAY, S_DX, S_H, S_P, S_PH, S_Q, S_X, VEL, N
+from server.nav.kernel import kernel
 from server.nav.rotation import matrix_entries, quat_from_rotvec, quat_mul
 from server.nav.types import Float
 
@@ -15,14 +14,14 @@ MIN_VARIANCE: Final = 1e-18
 LONGEST_DELAY_S: Final = 0.1
 
 
-@njit("void(float64[::1])", cache=True)
+@kernel("void(float64[::1])")
 def clear_row(s: Float) -> None:
     """Set H = 0."""
     for i in range(N):
         s[S_H + i] = 0.0
 
 
-@njit("float64(float64[::1])", cache=True, fastmath={"contract"})
+@kernel("float64(float64[::1])", contract=True)
 def project(s: Float) -> float:
     """Set s[S_PH] = P Hᵀ; return H P Hᵀ."""
     for i in range(N):
@@ -39,7 +38,7 @@ def project(s: Float) -> float:
     return total
 
 
-@njit("void(float64[::1], float64, float64)", cache=True, fastmath={"contract"})
+@kernel("void(float64[::1], float64, float64)", contract=True)
 def fuse(s: Float, innovation: float, variance: float) -> None:
     """Kalman update with the row in s[S_H]; what was collected before is taken off first [Solà 2017, eq. 274-276].
 
@@ -62,7 +61,7 @@ def fuse(s: Float, innovation: float, variance: float) -> None:
         s[d] = max(s[d], MIN_VARIANCE)
 
 
-@njit("void(float64[::1], int64, float64)", cache=True)
+@kernel("void(float64[::1], int64, float64)")
 def _turn_pair(s: Float, first: int, angle_rad: float) -> None:
     """Turn the covariance of a vector's horizontal part about down."""
     c, n = math.cos(angle_rad), math.sin(angle_rad)
@@ -76,7 +75,7 @@ def _turn_pair(s: Float, first: int, angle_rad: float) -> None:
         s[k], s[k + 1] = c * x - n * y, n * x + c * y
 
 
-@njit("void(float64[::1], float64, float64, float64)", cache=True)
+@kernel("void(float64[::1], float64, float64, float64)")
 def turn_nominal(s: Float, x_rad: float, y_rad: float, z_rad: float) -> None:
     """Rotate attitude, velocity and field by a rotation vector in NED; their errors turn with the heading."""
     for first in (ATT, VEL, FIELD):
@@ -93,7 +92,7 @@ def turn_nominal(s: Float, x_rad: float, y_rad: float, z_rad: float) -> None:
             s[k + i] = R[3 * i] * a + R[3 * i + 1] * b + R[3 * i + 2] * c
 
 
-@njit("void(float64[::1])", cache=True)
+@kernel("void(float64[::1])")
 def inject(s: Float) -> None:
     """Move the correction collected in s[S_DX] into the nominal state and clear it [Solà 2017, eq. 283]."""
     turn_nominal(s, s[S_DX], s[S_DX + 1], s[S_DX + 2])
@@ -104,7 +103,7 @@ def inject(s: Float) -> None:
     s[S_X + MAG_DELAY] = min(max(s[S_X + MAG_DELAY], -LONGEST_DELAY_S), LONGEST_DELAY_S)
 
 
-@njit("void(float64[::1], int64, float64)", cache=True)
+@kernel("void(float64[::1], int64, float64)")
 def forget(s: Float, axis: int, variance: float) -> None:
     """Forget what is known of one error state: no correlation, the given variance."""
     for j in range(N):

@@ -1,0 +1,96 @@
+"""Parameters of the main lane: what a person may change, and the array the kernels read."""
+
+from __future__ import annotations
+
+import math
+from typing import Final
+
+import numpy as np
+
+from server.nav.ekf import defaults
+from server.nav.ekf import layout as at
+from server.nav.lanes.base import LaneContext, Parameter
+from server.nav.types import Float
+
+PARAMETERS: Final = (
+    Parameter(
+        name="gyro_noise_rad_s_rthz", unit="rad/s/√Hz", default=math.nan, minimum=1e-7, maximum=0.1,
+        meaning="Gyro noise density in the vehicle; larger trusts the aids more and the gyro less.",
+    ),
+    Parameter(
+        name="accel_noise_m_s2_rthz", unit="m/s²/√Hz", default=math.nan, minimum=1e-6, maximum=10.0,
+        meaning="Accelerometer noise density in the vehicle; measured vibration comes on top.",
+    ),
+    Parameter(
+        name="gyro_bias_walk_rad_s2_rthz", unit="rad/s²/√Hz", default=math.nan, minimum=1e-9, maximum=0.01,
+        meaning="How fast the gyro bias may wander, with temperature above all.",
+    ),
+    Parameter(
+        name="accel_bias_walk_m_s3_rthz", unit="m/s³/√Hz", default=math.nan, minimum=1e-8, maximum=1.0,
+        meaning="How fast the accelerometer bias may wander.",
+    ),
+    Parameter(
+        name="accel_bias_sigma_m_s2", unit="m/s²", default=defaults.ACCEL_BIAS_SIGMA_M_S2, minimum=1e-4, maximum=5.0,
+        meaning="Standard deviation of the accelerometer bias at the start; small after a calibration.",
+    ),
+    Parameter(
+        name="mag_noise_gauss", unit="gauss", default=math.nan, minimum=1e-4, maximum=1.0,
+        meaning="Magnetometer noise and unmodelled disturbance; larger trusts its heading less.",
+    ),
+    Parameter(
+        name="mag_bias_sigma_gauss", unit="gauss", default=defaults.MAG_BIAS_SIGMA_GAUSS, minimum=0.0, maximum=1.0,
+        meaning="Magnetic field fixed to the body that a calibration leaves; zero trusts the calibration wholly.",
+    ),
+    Parameter(
+        name="baro_noise_m", unit="m", default=math.nan, minimum=0.01, maximum=50.0,
+        meaning="Noise of a baro height; larger trusts it less.",
+    ),
+    Parameter(
+        name="gravity_noise_m_s2", unit="m/s²", default=math.nan, minimum=0.01, maximum=20.0,
+        meaning="Accelerations that hide gravity while there is no GNSS; larger trusts the accelerometer's tilt less.",
+    ),
+    Parameter(
+        name="declination_sigma_rad", unit="rad", default=math.nan, minimum=0.0, maximum=1.0,
+        meaning="Error of the magnetic model's declination; zero keeps the model's value.",
+    ),
+    Parameter(
+        name="gate_sigma", unit="", default=defaults.GATE_SIGMA, minimum=2.0, maximum=100.0,
+        meaning="A measurement further from its prediction than this many standard deviations is refused.",
+    ),
+)  # fmt: skip
+
+
+def kernel_parameters(context: LaneContext) -> Float:
+    """Return the kernel's parameter array: the lane's values, else the settings', else the vehicle class's."""
+    noise, settings, values = defaults.of_vehicle(context.vehicle), context.settings, context.values
+
+    def given(name: str) -> float:
+        candidates = (values[name], getattr(settings, name, math.nan), getattr(noise, name, math.nan))
+        return float(next(value for value in candidates if not math.isnan(value)))
+
+    par = np.zeros(at.PAR_SIZE)
+    par[at.PAR_GYRO_NOISE] = given("gyro_noise_rad_s_rthz")
+    par[at.PAR_ACCEL_NOISE] = given("accel_noise_m_s2_rthz")
+    par[at.PAR_GYRO_WALK] = given("gyro_bias_walk_rad_s2_rthz")
+    par[at.PAR_ACCEL_WALK] = given("accel_bias_walk_m_s3_rthz")
+    par[at.PAR_GATE] = given("gate_sigma")
+    par[at.PAR_MAG_NOISE] = given("mag_noise_gauss")
+    par[at.PAR_DECLINATION_SIGMA] = given("declination_sigma_rad")
+    par[at.PAR_FIELD_WALK] = defaults.FIELD_WALK_GAUSS_RTS
+    par[at.PAR_FIELD_SIGMA] = defaults.FIELD_SIGMA
+    par[at.PAR_MAG_BIAS_SIGMA] = given("mag_bias_sigma_gauss")
+    par[at.PAR_MAG_BIAS_WALK] = defaults.MAG_BIAS_WALK_GAUSS_RTS
+    told = not math.isnan(context.delays_s[1])
+    par[at.PAR_MAG_TIMING] = defaults.MAG_TIMING_TOLD_S if told else defaults.MAG_TIMING_S
+    par[at.PAR_WIND_SIGMA] = defaults.WIND_SIGMA_M_S
+    par[at.PAR_WIND_WALK] = defaults.WIND_WALK_M_S_RTS
+    par[at.PAR_BARO_NOISE] = given("baro_noise_m")
+    par[at.PAR_GNSS_CORRELATION] = defaults.GNSS_CORRELATION
+    par[at.PAR_LEVER : at.PAR_LEVER + 3] = settings.lever_arm_b_m
+    delays = [0.0 if math.isnan(delay) else delay for delay in context.delays_s]
+    par[at.PAR_IMU_DELAY], par[at.PAR_MAG_DELAY], par[at.PAR_GNSS_DELAY], par[at.PAR_BARO_DELAY] = delays
+    par[at.PAR_ACCEL_BIAS_SIGMA] = given("accel_bias_sigma_m_s2")
+    par[at.PAR_BARO_DRIFT] = defaults.BARO_DRIFT_M_RTS
+    par[at.PAR_VEHICLE] = context.vehicle
+    par[at.PAR_GRAVITY_NOISE] = given("gravity_noise_m_s2")
+    return par
