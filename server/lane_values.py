@@ -8,9 +8,6 @@ from collections.abc import Iterable, Mapping
 LaneValues = dict[str, dict[str, float]]
 """Lane → parameter → value."""
 
-NAV_RATE_MIN_HZ, NAV_RATE_MAX_HZ = 1.0, 2000.0
-"""Navigation steps a second that the engine takes; every way to say it has these limits."""
-
 
 def lane_values(texts: Iterable[str]) -> LaneValues:
     """Return what the texts say; the last one of the same parameter wins.

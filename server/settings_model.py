@@ -19,7 +19,8 @@ from pydantic_settings import (
     SettingsConfigDict,
 )
 
-from server.lane_values import NAV_RATE_MAX_HZ, NAV_RATE_MIN_HZ, lane_values
+from server.lane_values import lane_values
+from server.nav.constants import NAV_RATE_MAX_HZ, NAV_RATE_MIN_HZ
 from server.nav.types import EngineSettings, VehicleClass
 
 VEHICLES = {

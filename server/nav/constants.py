@@ -23,3 +23,7 @@ ISA_EXPONENT: Final = 0.19026
 # The Earth's field lies between about 0.22 gauss (South Atlantic) and 0.67 gauss (magnetic poles) [WMM2025 report, §1].
 EARTH_FIELD_MIN_GAUSS: Final = 0.20
 EARTH_FIELD_MAX_GAUSS: Final = 0.70
+
+NAV_RATE_MIN_HZ: Final = 1.0
+NAV_RATE_MAX_HZ: Final = 2000.0
+"""Navigation steps a second that the engine takes."""

@@ -15,6 +15,7 @@ from typing import Final
 import numpy as np
 
 from server.nav.codes import FUSED, GNSS, MAG
+from server.nav.constants import NAV_RATE_MAX_HZ, NAV_RATE_MIN_HZ
 from server.nav.ekf import layout as at
 from server.nav.health import AidBook, consistency, mag_scale_event, sensor_health
 from server.nav.lanes.bank import LaneBank
@@ -64,8 +65,9 @@ class NavEngine:
         Raises:
             ValueError: a lane or parameter that does not exist, or a value outside its limits.
         """
-        if not 1.0 <= settings.nav_rate_hz <= 2000.0:
-            raise ValueError(f"nav_rate_hz is {settings.nav_rate_hz}; it must lie between 1 and 2000")
+        if not NAV_RATE_MIN_HZ <= settings.nav_rate_hz <= NAV_RATE_MAX_HZ:
+            limits = f"{NAV_RATE_MIN_HZ:g} and {NAV_RATE_MAX_HZ:g}"
+            raise ValueError(f"nav_rate_hz is {settings.nav_rate_hz}; it must lie between {limits}")
         self._settings, self._field_model = settings, field_model
         self._bank = LaneBank(settings)
         self._use = USE_GNSS * settings.use_gnss + USE_BARO * settings.use_baro
@@ -314,6 +316,7 @@ class NavEngine:
             events=tuple(self._events),
             steps=self._steps,
             vehicle=VehicleClass(self._vehicle),
+            delays=self._bank.delays(),
             consistency=consistency(self._book, self._nees) if MAIN in self._bank.chosen else (),
         )
 

@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Callable
-from typing import Any, TypeVar
+from typing import Any, TypeVar, cast
 
 from numba import njit
 
@@ -27,5 +27,4 @@ def kernel(signature: str, *, contract: bool = False, inline: bool = False) -> C
         options["fastmath"] = {"contract"}
     if inline:
         options["inline"] = "always"
-    compiled: Callable[[F], F] = njit(signature, **options)
-    return compiled
+    return cast("Callable[[F], F]", njit(signature, **options))

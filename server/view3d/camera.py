@@ -29,7 +29,7 @@ class Camera(StrEnum):
 
 
 _PLACES: Final[dict[Camera, tuple[Vec3, Vec3]]] = {
-    Camera.CHASE: ((-2.7, 0.0, 0.95), (0.8, 0.0, 0.1)),
+    Camera.CHASE: ((-3.1, 0.75, 1.35), (0.8, 0.0, 0.05)),  # beside the path: on it one would not see it
     Camera.FOLLOW: ((-2.6, -1.8, 1.4), (0.0, 0.0, 0.0)),
     Camera.TOP: ((-0.02, 0.0, 20.0), (0.0, 0.0, 0.0)),
     Camera.FREE: ((-9.0, -6.0, 5.0), (0.0, 0.0, 0.0)),

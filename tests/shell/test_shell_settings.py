@@ -5,8 +5,8 @@ from pathlib import Path
 
 import pytest
 
-from server.lane_values import NAV_RATE_MAX_HZ, NAV_RATE_MIN_HZ
 from server.magnetic import wmm_field
+from server.nav.constants import NAV_RATE_MAX_HZ, NAV_RATE_MIN_HZ
 from server.nav.engine import NavEngine
 from server.nav.lanes.registry import LANES
 from server.nav.types import EngineSettings, VehicleClass

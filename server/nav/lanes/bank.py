@@ -10,6 +10,7 @@ import numpy as np
 
 from server.nav.codes import FAILED
 from server.nav.lanes.base import Lane, LaneContext, LaneResult
+from server.nav.lanes.ins_ekf import InsEkf
 from server.nav.lanes.registry import (
     COMPUTED,
     LANES,
@@ -22,7 +23,7 @@ from server.nav.lanes.registry import (
     parameters_of,
     provides_of,
 )
-from server.nav.types import LANE_COLUMNS, EngineSettings, Event, Float, Int, LaneRows, Site
+from server.nav.types import LANE_COLUMNS, DelayState, EngineSettings, Event, Float, Int, LaneRows, Site
 
 STATUS: Final = LANE_COLUMNS.index("status")
 
@@ -43,6 +44,7 @@ class LaneBank:
         self._values = {name: defaults_of(name) | dict(settings.lane_parameters.get(name, {})) for name in COMPUTED}
         self._running: dict[str, Lane] = {}
         self._failures: dict[str, str] = {}
+        self._untold: list[str] = []
         self._context: LaneContext | None = None
         self._site: Site | None = None
 
@@ -54,13 +56,29 @@ class LaneBank:
     def start(self, context: LaneContext) -> None:
         """Make the chosen lanes, or give running ones another context."""
         self._context = context
-        for name, lane in self._running.items():
-            lane.configure(self._for(name, context))
+        for name, lane in list(self._running.items()):
+            self._try(name, lane.configure, self._for(name, context))
         for name in self.chosen:
             if name in COMPUTED and name not in self._running and name not in self._failures:
-                self._running[name] = make(name, self._for(name, context))
-                if self._site is not None:
-                    self._running[name].set_site(self._site)
+                self._try(name, self._begin, name, context)
+
+    def _begin(self, name: str, context: LaneContext) -> None:
+        lane = make(name, self._for(name, context))
+        if self._site is not None:
+            lane.set_site(self._site)
+        self._running[name] = lane
+
+    def _try(self, name: str, call: Callable[..., None], *values: object) -> None:
+        """Call; a lane that raises is put aside, which the next step tells."""
+        try:
+            call(*values)
+        except Exception as error:  # as in `_guarded`
+            self._put_aside(name, error)
+            self._untold.append(name)
+
+    def _put_aside(self, name: str, error: Exception) -> None:
+        self._running.pop(name, None)
+        self._failures[name] = f"{type(error).__name__}: {error}"
 
     def _for(self, name: str, context: LaneContext) -> LaneContext:
         return replace(context, values=dict(self._values[name]))
@@ -95,12 +113,15 @@ class LaneBank:
     def set_site(self, site: Site) -> None:
         """Tell every lane the origin and its magnetic field."""
         self._site = site
-        for lane in self._running.values():
-            lane.set_site(site)
+        for name, lane in list(self._running.items()):
+            self._try(name, lane.set_site, site)
 
     def step(self, steps: Float, meas: Float, t_ns: Int) -> list[LaneResult]:
         """Advance every lane over the same steps; one that raises is put aside and says so."""
-        return [self._guarded(name, lane.step, t_ns, steps, meas, t_ns) for name, lane in list(self._running.items())]
+        told = [_failed(name, t_ns, self._failures[name]) for name in self._untold if name in self._failures]
+        self._untold.clear()
+        running = list(self._running.items())
+        return told + [self._guarded(name, lane.step, t_ns, steps, meas, t_ns) for name, lane in running]
 
     def finish(self, t_ns: int) -> list[LaneResult]:
         """Return what the lanes that need the whole recording (`registry.AFTERWARDS`) have to say at its end.
@@ -117,13 +138,17 @@ class LaneBank:
         try:
             return call(*values)
         except Exception as error:  # one estimator's defect must not end the others' flight
-            del self._running[name]
-            self._failures[name] = f"{type(error).__name__}: {error}"
+            self._put_aside(name, error)
             return _failed(name, t_ns, self._failures[name])
 
     def failure(self, name: str) -> str:
         """Return why a lane was put aside; "" when it was not."""
         return self._failures.get(name, "")
+
+    def delays(self) -> tuple[DelayState, ...]:
+        """Return the delays that the main lane has found on line; () when it does not run or all were told."""
+        main = self._running.get("ins_ekf")
+        return main.delays() if isinstance(main, InsEkf) else ()
 
     def covariance(self, name: str) -> tuple[int, Float] | None:
         """Return (t_ns, P) of a running lane that has a method of that name; else None."""

@@ -142,7 +142,8 @@ class InsEkf:
         if handed_over:
             k, angle = handed_over
             found.append(event(at.E_HANDOVER, int(t_ns[k]), angle, 0.0))
-        return LaneResult(rows=LaneRows(lane=self.name, t_ns=t_ns, data=rows), aids=aid_rows, events=tuple(sorted(found, key=lambda e: e.t_ns)))
+        found.sort(key=lambda e: e.t_ns)
+        return LaneResult(rows=LaneRows(lane=self.name, t_ns=t_ns, data=rows), aids=aid_rows, events=tuple(found))
 
     def delays(self) -> tuple[DelayState, ...]:
         """Return the delays found on line so far, with their standard deviations; () when all were told."""

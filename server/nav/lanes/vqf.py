@@ -12,7 +12,7 @@ import math
 from typing import ClassVar, Final
 
 import numpy as np
-from vqf import VQF  # type: ignore[import-untyped]  # it ships stubs, but no py.typed
+from vqf import VQF  # it ships stubs, but no py.typed
 
 from server.nav.codes import ALIGNING, FAILED
 from server.nav.ekf.layout import U_DT

@@ -466,7 +466,6 @@ export const en = {
   "lanes.asideRemedy": "Start it again; set its settings back if you changed them, and report this.",
   "lanes.restart": "Start again",
   "par.show": "Settings",
-  "par.hide": "Hide settings",
   "par.hint": "Enter or leaving the field sets a value at once; empty is the default.",
   "par.hintOff": "It does not run; what is set here counts when it is switched on.",
   "par.byVehicle": "by vehicle",

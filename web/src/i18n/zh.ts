@@ -449,7 +449,6 @@ export const zh: Catalogue = {
   "lanes.asideRemedy": "请重新启动；若改过设置请恢复，并报告此问题。",
   "lanes.restart": "重新启动",
   "par.show": "设置",
-  "par.hide": "收起设置",
   "par.hint": "按回车或离开输入框即刻生效；留空为默认值。",
   "par.hintOff": "它没有运行；此处的设置在打开后生效。",
   "par.byVehicle": "随载具类型",

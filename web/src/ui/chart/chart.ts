@@ -77,6 +77,13 @@ export class Chart {
     return this.plot.ctx.canvas;
   }
 
+  /** Take another size; what is shown stays. */
+  resize(width: number, height: number): void {
+    if (this.plot.width === width && this.plot.height === height) return;
+    this.plot.setSize({ width, height });
+    this.drawnKey = "";
+  }
+
   destroy(): void {
     for (const stop of this.stops) stop();
   }
