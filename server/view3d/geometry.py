@@ -67,6 +67,15 @@ def rotate(q: Quat, v: Vec3) -> Vec3:
     return rx, ry, rz
 
 
+def quat_from_x(towards: Float) -> Quat:
+    """Return the shortest rotation that turns the x axis into a direction, shape (3,), any length but zero."""
+    x, y, z = (towards / np.linalg.norm(towards)).tolist()
+    if x < -0.999999:
+        return 0.0, 0.0, 1.0, 0.0
+    length = math.sqrt(2.0 * (1.0 + x))
+    return 0.5 * length, 0.0, -z / length, y / length
+
+
 def ellipsoid_axes_m(sigma_pos_n_m: Vec3) -> Vec3 | None:
     """Return the half axes along north, east, down (m), `SIGMAS` wide; None while unknown."""
     n, e, d = (SIGMAS * sigma for sigma in sigma_pos_n_m)

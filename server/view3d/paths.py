@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import math
 from enum import StrEnum
 from typing import TYPE_CHECKING, Any, Final
 
@@ -11,14 +12,19 @@ from numpy.typing import NDArray
 from server.nav.types import Float, VehicleClass
 from server.view3d import palette
 from server.view3d.feed import Pose
+from server.view3d.geometry import quat_from_x
 from server.view3d.nodes import SITE
-from server.view3d.trail import CHUNK, Track, Trail
+from server.view3d.trail import CHUNK, STEP_M, Track, Trail
 
 if TYPE_CHECKING:
     from viser import SceneApi
 
 Colours = NDArray[np.uint8]
 FIX_SIZE_M: Final = 0.07
+GAP_S: Final = 0.3
+"""Longest time from a path's last point to the vehicle: a sample and a survey."""
+
+NOTICEABLE_RGB: Final = 24
 
 
 class PathColour(StrEnum):
@@ -87,6 +93,55 @@ class Drawn:
         )
 
 
+class Tip:
+    """The piece from the vehicle back to its path's last point, which is a sample or two old.
+
+    Only its place and direction change from frame to frame. The browser takes those as they come; another length or
+    colour makes it build the node anew, and at the frame rate that would starve the paths of theirs.
+    """
+
+    def __init__(self, scene: SceneApi) -> None:
+        self._scene = scene
+        self._handle: Any = None
+        self._end_n_m: Float | None = None
+        self._length_m = 0.0
+        self._rgb: Colours = np.zeros(3, dtype=np.uint8)
+
+    def end_at(self, newest: Float | None, rgb: Colours) -> None:
+        """Take the path's newest point (a row of `Trail.points`), None when there is none, and its colour."""
+        self._end_n_m = None if newest is None else newest[:3].copy()
+        if newest is None:
+            return
+        gap_m = max(float(newest[3]) * GAP_S, 2.0 * STEP_M)
+        length_m = 1.25 ** math.ceil(math.log(gap_m, 1.25)) if math.isfinite(gap_m) else self._length_m
+        if length_m != self._length_m or np.abs(rgb.astype(int) - self._rgb).max() > NOTICEABLE_RGB:
+            self._length_m, self._rgb = length_m, rgb
+            self.remove()
+
+    def reach(self, pose: Pose) -> None:
+        """Start at the vehicle, towards the path's end and as far beyond as its fixed length goes."""
+        shown = self._end_n_m is not None and pose.known and self._length_m > 0.0
+        if self._handle is not None and self._handle.visible != shown:
+            self._handle.visible = shown
+        if not shown or self._end_n_m is None:
+            return
+        if self._handle is None:
+            points = np.array([[[0.0, 0.0, 0.0], [self._length_m, 0.0, 0.0]]], dtype=np.float32)
+            self._handle = self._scene.add_line_segments(
+                f"{SITE}/tip", points, self._rgb, thickness=4.0, thickness_units="screen"
+            )
+        self._handle.position = pose.pos_n_m
+        back_m = self._end_n_m - pose.pos_n_m
+        if np.linalg.norm(back_m) > 0.01:
+            self._handle.wxyz = quat_from_x(back_m)
+
+    def remove(self) -> None:
+        """Take it out of the scene until the next frame."""
+        if self._handle is not None:
+            self._handle.remove()
+        self._handle = None
+
+
 class Paths:
     """Every lane's path, the fixes with the newest accuracy, and the gap between path and vehicle."""
 
@@ -94,9 +149,8 @@ class Paths:
         self._scene = scene
         self._lanes: dict[str, Drawn] = {}
         self._fixes = Drawn(scene, f"{SITE}/fixes")
-        self._tip: Any = None
+        self._tip = Tip(scene)
         self._circle: Any = None
-        self._end: tuple[float, ...] | None = None
         self._main: str | None = None
         self.theme = theme
         self.colour = PathColour.SPEED
@@ -118,8 +172,11 @@ class Paths:
             colours = np.where(points[:, 3:4] > 0.5, palette.FIX_FUSED_RGB, palette.FIX_REFUSED_RGB).astype(np.uint8)
             self._fixes.dots(chunk, points[:, :3], colours, FIX_SIZE_M)
         trail_of_main = track.lanes.get(main or "")
-        count = 0 if trail_of_main is None else trail_of_main.count
-        self._end = None if trail_of_main is None or count == 0 else tuple(trail_of_main.points[-1, :3].tolist())
+        if main is None or trail_of_main is None or not trail_of_main.count:
+            self._tip.end_at(None, np.zeros(3, dtype=np.uint8))
+        else:
+            newest = trail_of_main.points[-1:]
+            self._tip.end_at(newest[0], self._colours(newest, main, is_main=True)[0])
 
     def _draw(self, drawn: Drawn, trail: Trail, lane: str, *, is_main: bool) -> None:
         for chunk in drawn.stale(trail):
@@ -143,19 +200,7 @@ class Paths:
 
     def reach(self, pose: Pose) -> None:
         """Close the gap between the path's last point and the vehicle: once a frame."""
-        shown = self._end is not None and pose.known
-        if self._tip is not None and self._tip.visible != shown:
-            self._tip.visible = shown
-        if not shown:
-            return
-        points = np.array([[self._end, pose.pos_n_m]], dtype=np.float32)
-        if self._tip is None:
-            rgb = palette.TRIM_RGB
-            self._tip = self._scene.add_line_segments(
-                f"{SITE}/tip", points, rgb, thickness=3.0, thickness_units="screen"
-            )
-        else:
-            self._tip.points = points
+        self._tip.reach(pose)
 
     def accuracy(self, fix_n_m: tuple[float, float, float] | None, h_acc_m: float) -> None:
         """Draw the newest fix's reported horizontal accuracy (m) as a circle about it; None hides it."""
@@ -181,8 +226,8 @@ class Paths:
         """Take every path out of the scene: another board, or another power-up."""
         for drawn in (*self._lanes.values(), self._fixes):
             drawn.remove()
-        for handle in (self._tip, self._circle):
-            if handle is not None:
-                handle.remove()
+        if self._circle is not None:
+            self._circle.remove()
+        self._tip.remove()
         self._lanes.clear()
-        self._tip = self._circle = self._end = None
+        self._circle = self._main = None

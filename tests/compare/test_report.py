@@ -9,6 +9,7 @@ import pytest
 from server.compare.colours import inks
 from server.compare.decimate import kept
 from server.compare.report import Band, Column, Panel, Report, Series
+from server.view3d.palette import LANE_RGB
 
 VOID = {"meta", "input", "path", "use", "rect", "line", "br"}
 T_S = np.arange(0.0, 300.0, 0.01)
@@ -75,8 +76,8 @@ def test_no_stand_in_colour_is_left_and_lanes_have_their_own():
     html = report().html()
     drawings = "".join(re.findall(r"<svg.*?</svg>", html, re.DOTALL))
     assert set(re.findall(r"(?<!href=\")#[0-9a-f]{6}\b", drawings)) == set()
-    assert "--s-ins-ekf: #0072b2" in html
-    assert "--s-ins-ekf: #56b4e9" in html
+    for theme in ("light", "dark"):
+        assert "--s-ins-ekf: #{:02x}{:02x}{:02x}".format(*LANE_RGB[theme]["ins_ekf"]) in html
     assert 'data-of="mean-nis"' in html
 
 

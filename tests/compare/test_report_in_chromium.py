@@ -4,6 +4,7 @@ from pathlib import Path
 
 import pytest
 
+from server.view3d.palette import LANE_RGB
 from tests.compare.test_report import report
 
 pytestmark = pytest.mark.browser
@@ -22,7 +23,7 @@ def test_the_report_opens_from_disk_in_both_themes_without_any_request(browser, 
     assert asked == [place.as_uri()]
     assert said == []
     curve = page.locator('.curve[data-of="ins-ekf"] path').first
-    colour = {"light": "rgb(0, 114, 178)", "dark": "rgb(86, 180, 233)"}[theme]
+    colour = "rgb({}, {}, {})".format(*LANE_RGB[theme]["ins_ekf"])
     assert curve.evaluate("path => getComputedStyle(path).stroke") == colour
     assert page.evaluate("document.documentElement.scrollWidth") <= 360
     page.get_by_label("ins_ekf").uncheck()

@@ -134,7 +134,7 @@ class Sensors:
     extra: Callable[[Stream, Motion, np.random.Generator], None] | None = field(default=None)
 
 
-def stream_of(motion: Motion, sensors: Sensors = Sensors()) -> Stream:  # noqa: B008  # frozen
+def stream_of(motion: Motion, sensors: Sensors = Sensors()) -> Stream:  # frozen
     """Return the samples of a motion in a stream."""
     rng, stream, s = np.random.default_rng(sensors.seed), Stream(), sensors
     t = _stamps(motion, s.imu_hz)

@@ -54,9 +54,7 @@ def test_wind_is_found_in_a_circle(reported: bool, vehicle: VehicleClass) -> Non
 
 
 def test_pressure_and_reported_airspeed_say_the_same() -> None:
-    np.testing.assert_allclose(
-        circle(tube(True)).states(X_WIND, 2), circle(tube(False)).states(X_WIND, 2), atol=0.05
-    )
+    np.testing.assert_allclose(circle(tube(True)).states(X_WIND, 2), circle(tube(False)).states(X_WIND, 2), atol=0.05)
 
 
 def test_density_falls_with_height() -> None:

@@ -6,7 +6,7 @@ import numpy as np
 import pytest
 
 from server.nav.ekf import layout as at
-from server.nav.ekf.delays import DELAYS, MAG, POSITION, VELOCITY
+from server.nav.ekf.delays import MAG, POSITION, VELOCITY
 from server.nav.types import Kind, VehicleClass
 from server.replay.source import load
 from tests.sets import rtk_drive
@@ -21,12 +21,12 @@ KNOWN = {"imu_delay_s": 0.0, "mag_delay_s": 0.0, "gnss_delay_s": 0.0, "baro_dela
 def found_s(flown: Flown) -> Floats:
     """Return delays of position, velocity and field beyond those that were told: in use, and what they still lack."""
     work = flown.lane._work
-    return np.asarray(work[at.W_USED : at.W_USED + DELAYS] + work[at.W_DELTA : at.W_DELTA + DELAYS], np.float64)
+    return np.asarray(work[at.W_USED : at.W_USED + at.DELAYS] + work[at.W_DELTA : at.W_DELTA + at.DELAYS], np.float64)
 
 
 def sigma_s(flown: Flown) -> Floats:
     """Return the standard deviations of the three."""
-    return np.sqrt([flown.lane._work[at.W_M + (DELAYS + 1) * i] for i in range(DELAYS)])
+    return np.sqrt([flown.lane._work[at.W_M + (at.DELAYS + 1) * i] for i in range(at.DELAYS)])
 
 
 def test_the_autopilots_delays_are_found_on_the_imus_clock(shared_data: Path) -> None:
@@ -93,7 +93,9 @@ def test_at_rest_nothing_is_known_of_a_delay(shared_data: Path) -> None:
         assert sigma[VELOCITY] > 0.06
 
 
-@pytest.mark.xfail(strict=True, reason="seen: noise moves it, velocity −0.09 s after 2 min of made rest, −0.10 s (limit) recorded")
+@pytest.mark.xfail(
+    strict=True, reason="seen: noise moves it, −0.09 s in 2 min of made rest, −0.10 s (the limit) recorded"
+)
 @pytest.mark.parametrize("recorded", [False, True])
 def test_at_rest_no_delay_is_put_to_use(shared_data: Path, recorded: bool) -> None:
     """What was not seen must not be believed when the vehicle starts to move."""
@@ -101,4 +103,4 @@ def test_at_rest_no_delay_is_put_to_use(shared_data: Path, recorded: bool) -> No
         flown = fly_mission(without(mission(shared_data, "static"), Kind.PROFILE))
     else:
         flown = fly(stream_of(rest(120.0)).block())
-    assert np.abs(flown.lane._work[at.W_USED : at.W_USED + DELAYS]).max() < 0.03
+    assert np.abs(flown.lane._work[at.W_USED : at.W_USED + at.DELAYS]).max() < 0.03

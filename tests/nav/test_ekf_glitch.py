@@ -50,7 +50,7 @@ def test_a_jump_of_fifty_metres_moves_nothing(shared_data: Path, begin_s: float)
 
 @pytest.mark.xfail(
     strict=True,
-    reason="seen: the refused innovations raise A_K_POS (to its limit, σ = 20 × reported × 2 = 12 m), so the gate opens after 4.2 s",
+    reason="seen: refused innovations raise A_K_POS to its limit (σ 12 m), so the gate opens after 4.2 s",
 )
 @pytest.mark.parametrize("begin_s", BEGINS_S)
 def test_it_is_not_believed_while_it_lasts(shared_data: Path, begin_s: float) -> None:
@@ -60,7 +60,7 @@ def test_it_is_not_believed_while_it_lasts(shared_data: Path, begin_s: float) ->
     assert dict(back.values)["horizontal_m"] < 0.5
 
 
-@pytest.mark.xfail(strict=True, reason="seen: believed after 4.2 s with 12 m of σ, so the state stays 50 m away and says 0.1 m")
+@pytest.mark.xfail(strict=True, reason="seen: believed after 4.2 s with σ 12 m: stays 50 m away, says 0.1 m")
 @pytest.mark.parametrize("begin_s", BEGINS_S)
 def test_a_jump_that_stays_is_taken_with_its_size(shared_data: Path, begin_s: float) -> None:
     """Ten seconds of fixes that agree with each other and not with the filter: then the receiver is right."""
@@ -94,7 +94,7 @@ def test_refusals_carry_their_reason_and_their_ratio(shared_data: Path) -> None:
     assert refused[0, 8] == pytest.approx(JUMP_M, abs=0.5)  # the innovation north is the jump
 
 
-# ---- the inertial sensor itself ---------------------------------------------------------------------------------------
+# ---- the inertial sensor itself ----
 
 
 def imu_changed(block: SampleBlock, start_s: float, end_s: float, change) -> SampleBlock:

@@ -59,7 +59,7 @@ def test_before_that_its_heading_is_said_to_be_unknown(shared_data: Path) -> Non
 
 @pytest.mark.xfail(
     strict=True,
-    reason="seen: turned back by the bank five times (at 74, 98, 109, 129, 148 s), each time the field pulls it away again; 70° at the end",
+    reason="seen: turned back by the bank five times (74 to 148 s), pulled away by the field each time; 70° at the end",
 )
 def test_a_magnetometer_mounted_a_quarter_turn_askew_is_overruled(shared_data: Path) -> None:
     block = mission(shared_data)
@@ -69,7 +69,9 @@ def test_a_magnetometer_mounted_a_quarter_turn_askew_is_overruled(shared_data: P
     assert np.abs(error[t_s > first_manoeuvre_s(shared_data) + 30.0]).max() < 10.0
 
 
-@pytest.mark.xfail(strict=True, reason="seen: 30° and 27° at the end (hover, landing), σ 1°: fused throughout, the field states follow")
+@pytest.mark.xfail(
+    strict=True, reason="seen: 30° and 27° at the end (hover), σ 1°: fused throughout, the field states follow"
+)
 @pytest.mark.parametrize("angle_deg", [90.0, 45.0])
 def test_a_magnetometer_that_turns_in_flight_is_not_followed(shared_data: Path, angle_deg: float) -> None:
     block = mission(shared_data)

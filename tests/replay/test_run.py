@@ -89,11 +89,14 @@ def test_a_board_at_rest_is_found_where_it_is_and_says_how_sure_it_is(result: Pa
     assert all(0.0 < cell(header, last, name) < 1.0 for name in header if name.startswith("sigma_"))
 
 
-def test_before_alignment_everything_but_time_and_status_is_empty(result: Path) -> None:
-    _, rows = read_csv(result / "ins_ekf.csv")
-    aligning = [row for row in rows if row[-1] == "aligning"]
-    assert aligning
-    assert all(set(row[1:-1]) == {""} for row in aligning)
+def test_before_a_position_only_the_attitude_is_there_and_before_that_nothing(result: Path) -> None:
+    header, rows = read_csv(result / "ins_ekf.csv")
+    first, last = header.index("vel_n_m_s"), header.index("alt_m")
+    early = [row for row in rows if row[-1] in {"aligning", "attitude"}]
+    assert early
+    for row in early:
+        assert set(row[first : last + 1]) == {""}
+        assert (row[1] == "") == (row[-1] == "aligning")
 
 
 def test_the_reference_lane_repeats_the_reference_and_nothing_else(result: Path, board: Path) -> None:

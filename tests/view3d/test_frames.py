@@ -17,6 +17,7 @@ from server.view3d.geometry import (
     cone_spread_rad,
     cone_vertices_m,
     ellipsoid_axes_m,
+    quat_from_x,
     rotate,
     world_from_ned,
     yaw_from_quat,
@@ -101,6 +102,14 @@ def test_fit_all_puts_every_point_inside_the_picture() -> None:
     angle = np.arccos(seen @ looking / np.linalg.norm(seen, axis=1))
     assert np.degrees(angle).max() < 0.5 * 55.0
     assert np.degrees(angle).max() > 8.0  # and not from the moon
+
+
+@pytest.mark.parametrize("towards", [(2.0, 0.0, 0.0), (-3.0, 0.0, 0.0), (0.1, -0.2, 0.7), (-1.0, 1e-3, -2e-3)])
+def test_the_tip_of_a_path_points_where_it_should(towards: tuple[float, float, float]) -> None:
+    direction = np.array(towards) / np.linalg.norm(towards)
+    q = quat_from_x(np.array(towards))
+    assert math.hypot(*q) == pytest.approx(1.0)
+    np.testing.assert_allclose(rotate(q, (1.0, 0.0, 0.0)), direction, atol=2e-3)
 
 
 def test_the_ellipsoid_is_three_sigma_along_north_east_down() -> None:

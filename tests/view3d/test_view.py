@@ -98,6 +98,23 @@ async def test_without_a_lane_that_knows_a_position_the_vehicle_turns_in_place()
             await watcher.until(is_pose)
 
 
+async def test_frame_by_frame_no_node_of_a_path_is_built_anew() -> None:
+    """A browser takes places and directions as they come; what it builds anew at the frame rate starves the rest."""
+    board = SyntheticBoard()
+    with served([board]) as at:
+        async with Watcher.connected(at.port) as watcher:
+            await watcher.node("/ned/site/tip")
+            count = len(watcher.messages)
+            await asyncio.sleep(2.0)
+            built = [m for m in watcher.messages[count:] if "updates" in m or "props" in m]
+            turned = [m for m in watcher.messages[count:] if m.get("name") == "/ned/site/tip"]
+    lines = [m for m in built if str(m["name"]).startswith("/ned/site/path-")]
+    tips = [m for m in built if m["name"] == "/ned/site/tip"]
+    assert len(turned) > 10
+    assert len(tips) <= 8
+    assert len(lines) <= 3 * 14
+
+
 async def test_two_viewers_look_at_two_boards_and_one_changes_over() -> None:
     boards = [SyntheticBoard("a"), SyntheticBoard("b")]
     with served(boards) as at:

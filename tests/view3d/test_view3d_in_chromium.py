@@ -77,6 +77,17 @@ def test_the_scene_is_drawn_with_sky_ground_and_vehicle(page: "Page", flying: Se
     assert panel.is_hidden()  # viser's own panel, which a narrow screen has at the bottom
 
 
+def test_from_behind_the_path_is_seen_up_to_the_vehicle(page: "Page", flying: Served) -> None:
+    """The camera flies beside the path, not on it, and the path keeps up however slow the browser draws."""
+    open_view(page, flying, "camera=chase&darkMode&color=lane")
+    wait_for_vehicle(page)
+    seen = 0
+    for _ in range(6):
+        page.wait_for_timeout(500)
+        seen += share_of(picture(page)[150:], (89, 160, 249), near=50.0) > 0.0008
+    assert seen >= 4
+
+
 def test_the_picture_moves_with_the_board(page: "Page", flying: Served) -> None:
     open_view(page, flying, "camera=follow&darkMode")
     before = wait_for_vehicle(page)

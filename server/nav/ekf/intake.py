@@ -66,6 +66,7 @@ from server.nav.types import Float, Int
 
 MAG_INTERVAL_NS: Final = 40e6  # field noise of a vehicle is correlated longer than this: more samples add no knowledge
 AIRSPEED_INTERVAL_NS: Final = 9e7  # a pitot tube's errors last longer: more samples add no knowledge
+LONGER: Final = 2.5
 UNKNOWN_H_ACC_M: Final = 2.5  # single-frequency receiver in the open
 UNKNOWN_V_ACC_M: Final = 5.0
 UNKNOWN_S_ACC_M_S: Final = 0.3
@@ -121,6 +122,8 @@ def _note_gnss(m: Float, t_valid: float, aux: Float) -> None:
     if aux[A_T_GNSS_SEEN] > NEVER_NS:
         interval = min(10.0, max(0.0, (t_valid - aux[A_T_GNSS_SEEN]) * 1e-9))
         first = aux[A_T_GNSS] == NEVER_NS
+        if not first:  # an outage is not the receiver's interval
+            interval = min(interval, LONGER * aux[A_GNSS_INTERVAL])
         aux[A_GNSS_INTERVAL] += (1.0 if first else 0.2) * (interval - aux[A_GNSS_INTERVAL])
     aux[A_T_GNSS_SEEN] = t_valid
     wander = WANDER_SHARE * _known(m[M_DATA + 6], UNKNOWN_H_ACC_M, MIN_ACC_M)

@@ -106,6 +106,7 @@ class InsEkf:
                 self._pending.append(event(at.E_YAW_RESET, t_ns, site.declination_rad, 0.0))
         if ctl[at.C_VALID] > 0:  # what is older was held in the other frame and cannot be re-run
             self._r_x[self._newest(), :X_SIZE], self._r_P[self._newest()] = self._x, self._P
+            self._r_n[self._newest()] = 0  # they are in the state already
             ctl[at.C_VALID] = 1
 
     def _couple_declination(self, site: Site) -> None:

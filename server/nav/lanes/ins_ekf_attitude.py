@@ -13,8 +13,10 @@ import numpy as np
 
 from server.nav.ekf.attitude.block import run_block
 from server.nav.ekf.attitude.layout import (
+    H_NONE,
     O_ATT_SIGMA,
     O_GYRO_BIAS,
+    O_HEADING,
     O_Q,
     O_SIZE,
     S_GRAVITY,
@@ -23,10 +25,11 @@ from server.nav.ekf.attitude.layout import (
 )
 from server.nav.ekf.attitude.parameters import K_IMU_DELAY, default_parameters
 from server.nav.ekf.attitude.start import set_field
-from server.nav.ekf.layout import M_STEP
+from server.nav.ekf.layout import M_STEP, U_T
 from server.nav.lanes.base import LaneContext
 from server.nav.types import LANE_COLUMNS, Float, LaneStatus, Site
 
+HEADING_WAIT_NS: Final = 1e9  # then the board has no magnetometer, and the attitude is shown with any heading
 STATUS: Final = LANE_COLUMNS.index("status")
 SIGMA: Final = LANE_COLUMNS.index("sigma_att_x_rad")
 BIAS: Final = LANE_COLUMNS.index("gyro_bias_x_rad_s")
@@ -40,6 +43,7 @@ class AttitudeMode:
         self._s = new_memory()
         self._half_declination_rad = 0.0
         self._running = True
+        self._t_first_ns = math.nan
         self._last = np.full(4, np.nan)
         self.configure(context)
 
@@ -81,7 +85,7 @@ class AttitudeMode:
 
     def _fill_some(self, steps: Float, meas: Float, rows: Float, begin: int, end: int) -> None:
         if not self._running:  # what it knew of the attitude is old
-            self._s[S_STARTED], self._running = 0.0, True
+            self._s[S_STARTED], self._running, self._t_first_ns = 0.0, True, math.nan
         first, last = np.searchsorted(meas[:, M_STEP], (begin, end))
         own = meas[first:last]
         if begin:
@@ -96,7 +100,12 @@ class AttitudeMode:
         part[:, :4] = np.where(q[:, :1] < 0.0, -q, q)
         part[:, SIGMA : SIGMA + 3] = out[:, O_ATT_SIGMA : O_ATT_SIGMA + 3]
         part[:, BIAS : BIAS + 3] = out[:, O_GYRO_BIAS : O_GYRO_BIAS + 3]
-        known = np.isfinite(q[:, 0])
+        t_ns = steps[begin:end, U_T]
+        if math.isnan(self._t_first_ns):
+            self._t_first_ns = float(t_ns[0])
+        blind = (out[:, O_HEADING] == H_NONE) & (t_ns - self._t_first_ns < HEADING_WAIT_NS)
+        known = np.isfinite(q[:, 0]) & ~blind
+        part[blind] = np.nan
         part[:, STATUS] = np.where(known, LaneStatus.ATTITUDE, LaneStatus.ALIGNING)
         self._last = part[-1, :4].copy()
 
