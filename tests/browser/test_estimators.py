@@ -115,11 +115,11 @@ def test_a_setting_acts_at_once_is_refused_beside_its_field_and_undone(server: S
     page.get_by_text("Give a value from 0.05 to 100 s.").wait_for()
     assert field.get_attribute("aria-invalid") == "true"
     field.press("Escape")
-    assert field.input_value() == "7.5"
+    wait_for("the value in force", lambda: field.input_value() == "7.5")
     assert value_of(server, "vqf", name) == 7.5
     page.reload()  # the open form, and what was set, are found again
     field.wait_for()
-    assert field.input_value() == "7.5"
+    wait_for("what was set", lambda: field.input_value() == "7.5")
     page.get_by_role("button", name="Time constant of the tilt: Back to the default, 3 s").click()
     wait_for("the default", lambda: value_of(server, "vqf", name) == 3.0)
     page.get_by_role("button", name="Undo: Time constant of the tilt").click()

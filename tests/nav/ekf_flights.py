@@ -252,7 +252,7 @@ def attitude_error(flown: Flown, motion: Motion) -> Floats:
 
 
 def position_error(flown: Flown, motion: Motion) -> Floats:
-    """Return north and east errors of every row, m; the site is where the motion begins, but for the first fix's noise."""
+    """Return north and east errors of every row, m, by latitude and longitude."""
     true = motion.at(flown.t_s, motion.pos_n)[:, :2]
     north = (flown.rows[:, 7] - LAT_DEG) * METRES_PER_DEG_LAT
     east = (flown.rows[:, 8] - LON_DEG) * METRES_PER_DEG_LON

@@ -93,9 +93,7 @@ def test_at_rest_nothing_is_known_of_a_delay(shared_data: Path) -> None:
         assert sigma[VELOCITY] > 0.06
 
 
-@pytest.mark.xfail(
-    strict=True, reason="seen: noise moves it, −0.09 s in 2 min of made rest, −0.10 s (the limit) recorded"
-)
+@pytest.mark.xfail(strict=True, reason="seen: noise moves it: −0.09 s in 2 min of made rest, −0.10 s recorded")
 @pytest.mark.parametrize("recorded", [False, True])
 def test_at_rest_no_delay_is_put_to_use(shared_data: Path, recorded: bool) -> None:
     """What was not seen must not be believed when the vehicle starts to move."""

@@ -1,4 +1,4 @@
-"""A receiver that lies for a while, one that is right in the end, and an inertial sensor that stops or talks nonsense."""
+"""A receiver that lies for a while, one that is right in the end, and inertial sensors that stop or talk nonsense."""
 
 import functools
 import math

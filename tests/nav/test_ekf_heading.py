@@ -70,7 +70,7 @@ def test_a_magnetometer_mounted_a_quarter_turn_askew_is_overruled(shared_data: P
 
 
 @pytest.mark.xfail(
-    strict=True, reason="seen: 30° and 27° at the end (hover), σ 1°: fused throughout, the field states follow"
+    strict=True, reason="seen: 30° and 27° at the end (hover), σ 0.8°: fused throughout, the field follows"
 )
 @pytest.mark.parametrize("angle_deg", [90.0, 45.0])
 def test_a_magnetometer_that_turns_in_flight_is_not_followed(shared_data: Path, angle_deg: float) -> None:

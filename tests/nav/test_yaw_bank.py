@@ -198,7 +198,8 @@ def test_the_turn_is_told_to_a_state_in_any_attitude():
         flight.fly(s=s, noise=0.0)
         s[B_Q : B_Q + 4] = quat_mul(*s[B_Q : B_Q + 4], *quat_from_euler(0.0, pitch, 0.0))
         x = flight.x.copy()
-        x[:4] = quat_mul(*quat_from_euler(0.0, 0.0, 2.0), *quat_mul(*flight.q[-1], *quat_from_euler(0.0, pitch, 0.0)))
+        pitched = quat_mul(*flight.q[-1], *quat_from_euler(0.0, pitch, 0.0))
+        x[:4] = quat_mul(*(*quat_from_euler(0.0, 0.0, 2.0), *pitched))
         angle, sigma = bank_turn(x, s)
         assert wrapped(angle + 2.0) == pytest.approx(0.0, abs=math.radians(2.0))
         assert sigma == bank_result(s)[1]

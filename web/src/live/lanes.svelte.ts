@@ -9,6 +9,8 @@ const CHANGES = new Set(["lanes-chosen", "lane-parameters-set", "lane-failed"]);
 /** Every estimator there is of the board shown, and what may be changed of it; read by the places that show it. */
 class Lanes {
   private held = $state.raw<LanesOut | null>(null);
+  /** Counts what was asked and taken, so that an answer that was overtaken is dropped. */
+  private turn = 0;
   /** Why they could not be read. */
   problem = $state.raw<unknown>(null);
 
@@ -28,14 +30,17 @@ class Lanes {
   }
 
   private async read(boardId: string): Promise<void> {
+    const turn = ++this.turn;
     try {
-      this.take(await api.lanes(boardId));
+      const answer = await api.lanes(boardId);
+      if (turn === this.turn) this.take(answer);
     } catch (error) {
-      this.problem = error;
+      if (turn === this.turn) this.problem = error;
     }
   }
 
   private take(answer: LanesOut): void {
+    this.turn++;
     this.held = answer;
     this.problem = null;
   }
