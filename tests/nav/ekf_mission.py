@@ -13,7 +13,8 @@ from server.magnetic import wmm_field
 from server.nav.types import Kind, SampleBlock
 from server.replay.tlog import TlogLog
 
-from .ekf_flights import Floats, Flown, fly
+from .ekf_flights import Floats
+from .ekf_flown import Flown, fly
 
 IMU_DELAY_S, MAG_DELAY_S, GNSS_DELAY_S = 0.011, 0.050, 0.098  # measured (data INDEX); what the profile row says
 METRES_PER_DEG = 111_170.0

@@ -10,7 +10,8 @@ from server.nav.ekf.aiding.airspeed import LEAST_M_S, true_airspeed
 from server.nav.ekf.states import INERTIAL, WIND, X_WIND, N
 from server.nav.types import Aid, AidStatus, Kind, VehicleClass
 
-from .ekf_flights import Flown, Motion, Sensors, attitude_error, fly, loiter, position_error, ramp, stream_of
+from .ekf_flights import Motion, Sensors, loiter, ramp, stream_of
+from .ekf_flown import Flown, attitude_error, fly, position_error
 from .synthetic import Stream
 
 KNOWN = {"imu_delay_s": 0.0, "mag_delay_s": 0.0, "gnss_delay_s": 0.0, "baro_delay_s": 0.0}

@@ -11,7 +11,8 @@ from server.nav.types import Kind, VehicleClass
 from server.replay.source import load
 from tests.sets import rtk_drive
 
-from .ekf_flights import Floats, Flown, Sensors, fly, position_error, rest, s_turns, stream_of
+from .ekf_flights import Floats, Sensors, rest, s_turns, stream_of
+from .ekf_flown import Flown, fly, position_error
 from .ekf_mission import GNSS_DELAY_S, IMU_DELAY_S, MAG_DELAY_S, fly_mission, mission, without
 
 TURNS = s_turns(120.0, banked=False)
@@ -93,7 +94,6 @@ def test_at_rest_nothing_is_known_of_a_delay(shared_data: Path) -> None:
         assert sigma[VELOCITY] > 0.06
 
 
-@pytest.mark.xfail(strict=True, reason="seen: noise moves it: −0.09 s in 2 min of made rest, −0.10 s recorded")
 @pytest.mark.parametrize("recorded", [False, True])
 def test_at_rest_no_delay_is_put_to_use(shared_data: Path, recorded: bool) -> None:
     """What was not seen must not be believed when the vehicle starts to move."""

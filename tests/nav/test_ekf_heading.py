@@ -8,7 +8,8 @@ import pytest
 
 from server.nav.types import Kind, VehicleClass
 
-from .ekf_flights import Floats, Sensors, fly, heading_error, rest, s_turns, stream_of
+from .ekf_flights import Floats, Sensors, rest, s_turns, stream_of
+from .ekf_flown import fly, heading_error
 from .ekf_mission import changed, fly_mission, heading_error_deg, mission, truth, without
 
 MOVING_M_S = 1.0

@@ -8,7 +8,8 @@ import pytest
 from server.nav.ekf.states import FIELD, INERTIAL, MAG_BIAS, WITH_MAG, X_FIELD, X_MAG_BIAS
 from server.nav.types import Aid, AidStatus, Kind
 
-from .ekf_flights import Sensors, fly, heading_error, rest, s_turns, stream_of
+from .ekf_flights import Sensors, rest, s_turns, stream_of
+from .ekf_flown import fly, heading_error
 
 KNOWN = {"imu_delay_s": 0.0, "mag_delay_s": 0.0, "gnss_delay_s": 0.0, "baro_delay_s": 0.0}
 TURNS, REST = s_turns(), rest()

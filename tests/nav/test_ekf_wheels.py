@@ -5,7 +5,8 @@ import pytest
 
 from server.nav.types import Aid, AidStatus, VehicleClass
 
-from .ekf_flights import Flown, Sensors, body_velocity, fly, position_error, s_turns, stream_of
+from .ekf_flights import Sensors, s_turns, stream_of
+from .ekf_flown import Flown, body_velocity, fly, position_error
 
 KNOWN = {"imu_delay_s": 0.0, "mag_delay_s": 0.0, "gnss_delay_s": 0.0, "baro_delay_s": 0.0}
 DRIVE = s_turns(100.0, banked=False)

@@ -50,7 +50,7 @@ def test_dead_reckoning_is_said_in_every_outage(drive: Any) -> None:
 
 @pytest.mark.xfail(
     strict=True,
-    reason="seen: 28 % of rows inside 3σ: centimetres are claimed at 15 m/s, where 20 ms of clock are 0.3 m",
+    reason="seen: 29 % of rows inside 3σ: centimetres are claimed at 15 m/s, where 20 ms of clock are 0.3 m",
 )
 def test_a_cars_sigma_is_honest(drive: Any) -> None:
     assert drive.settled.cover_3sigma.horizontal >= 0.90
@@ -106,13 +106,13 @@ def test_a_quadrotors_tilt_is_the_on_board_one(shared_data: Path, tmp_path: Path
 
 
 def test_a_flying_wings_attitude_is_near_the_on_board_one_outside_aerobatics(shared_data: Path, tmp_path: Path) -> None:
-    """Both are estimates: a 2013 DCM filter, slipping through circuits between loops and rolls. Measured 3.4°."""
+    """Both are estimates: a DCM filter of 2013, between loops and rolls. Measured 3.4°, tilt 1.7°."""
     written = inertialnav_x8.write(shared_data, tmp_path / "set")
     lane_of(tmp_path / "out", written, [])
     errors = errors_deg(tmp_path / "out", written, inertialnav_x8.aerobatics_ns(shared_data))
     assert errors["rows"] > 200 * 50
     assert errors["total"] <= 3.8
-    assert errors["tilt"] <= 2.6
+    assert errors["tilt"] <= 2.0
 
 
 @pytest.fixture(scope="module")

@@ -36,9 +36,8 @@ OF_CLASS: Final[dict[int, NoiseDefaults]] = {
 
 GATE_SIGMA: Final = 5.0
 ACCEL_BIAS_SIGMA_M_S2: Final = 0.12  # zero-g offset of a consumer accelerometer after board mounting, 12 mg
-GNSS_CORRELATION: Final = (
-    4.0  # velocity errors of successive fixes are alike: (1 + ρ)/(1 − ρ) with ρ = 0.6 at 5 to 10 Hz
-)
+GNSS_CORRELATION: Final = 4.0
+"""Velocity errors of successive fixes are alike: (1 + ρ)/(1 − ρ) with ρ = 0.6 at 5 to 10 Hz."""
 BARO_DRIFT_M_RTS: Final = 0.02  # weather and cabin pressure: 0.15 m in a minute
 FIELD_WALK_GAUSS_RTS: Final = 9e-5  # crustal anomalies met on the way: 0.1° of half a gauss in 100 s
 FIELD_SIGMA: Final = 0.05  # strength: anomalies and the sensor's own scale

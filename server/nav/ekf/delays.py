@@ -46,6 +46,7 @@ MOVE_SHARE: Final = 0.05  # per fix, of the estimate into the delay that is used
 LEAST_S: Final = -0.1
 MOST_S: Final = 0.8  # the history holds a second
 MOST_MAG_S: Final = 0.15  # slower sensors there are none
+SURE_S2: Final = 2.5e-3  # 50 ms: before that an estimate is not used
 FLOOR_S2: Final = 4e-6  # 2 ms: a receiver's delay is not a constant
 
 
@@ -125,6 +126,8 @@ def update_sensitivities(work: Float, innovation: float, variance: float) -> Non
 @kernel("void(float64[::1], int64)")
 def use_estimate(work: Float, p: int) -> None:
     """Move a share of one estimate into the delay that is used from the next measurement on."""
+    if work[W_M + p * (DELAYS + 1)] > SURE_S2:  # noise, at rest above all
+        return
     step = MOVE_SHARE * work[W_DELTA + p]
     used = min(MOST_MAG_S if p == MAG else MOST_S, max(LEAST_S, work[W_USED + p] + step))
     work[W_DELTA + p] -= used - work[W_USED + p]

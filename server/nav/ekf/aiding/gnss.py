@@ -57,6 +57,8 @@ LEARN: Final = 0.05
 """Weight of one fix in the tracked ratio: a memory of 20 fixes, 4 s at 5 Hz."""
 K_MIN: Final = 0.0004  # a fiftieth of the reported standard deviation
 K_MAX: Final = 400.0
+JUDGED_K: Final = 0.1  # a run of repeated digits must not make the first movement an outlier
+REFUSED_K: Final = 4.0  # a receiver twice as bad as it says is possible, ten times is a glitch
 POSITION_FLOOR_M: Final = 0.005  # rounding to 1e-7 degrees, 11 mm, is 3 mm RMS
 VELOCITY_FLOOR_M_S: Final = 0.01  # resolution of centimetres a second
 BARO_FRESH_NS: Final = 2e9
@@ -132,6 +134,41 @@ def _judge(h: Float, P: Float, par: Float, work: Float, state: int, n: int) -> N
     h[H_STATUS] = FUSED if worst <= 1.0 else REFUSED_GATE
 
 
+@kernel(
+    "void(float64[::1], float64[::1], float64[::1], float64[::1], float64[::1], int64, int64, int64, float64, float64)"
+)
+def _believe(
+    h: Float,
+    P: Float,
+    par: Float,
+    aux: Float,
+    work: Float,
+    state: int,
+    n: int,
+    k_index: int,
+    floor: float,
+    alike: float,
+) -> None:
+    """Judge by what was known before this fix, then learn from it; a refused one teaches only so much.
+
+    Otherwise a receiver that jumps would talk the filter into believing the jump: its own contradiction, taken for
+    noise, would open the gate within seconds.
+    """
+    before = aux[k_index]
+    aux[k_index] = max(before, JUDGED_K)
+    _scale(h, aux, n, k_index, floor, 0)
+    for i in range(n):
+        h[H_VAR + i] *= alike
+    _judge(h, P, par, work, state, n)
+    aux[k_index] = before
+    _learn(h, P, aux, work, state, 2, k_index)
+    if h[H_STATUS] != FUSED:
+        aux[k_index] = min(aux[k_index], max(before, REFUSED_K))
+    _scale(h, aux, n, k_index, floor, 0)
+    for i in range(n):
+        h[H_VAR + i] *= alike
+
+
 @kernel("void(float64[::1], float64[::1], int64, float64, float64, int64, float64)")
 def _fuse_axis(
     P: Float, work: Float, state: int, innovation: float, variance: float, delay: int, change: float
@@ -147,11 +184,7 @@ def _fuse_axis(
 @kernel("void(float64[::1], float64[::1], float64[::1], float64[::1], int64[::1], float64[::1])")
 def _decide_position(h: Float, P: Float, par: Float, aux: Float, ctl: Int, work: Float) -> None:
     """Set status, variances and, while the baro carries the height, how far its datum moves."""
-    _learn(h, P, aux, work, POS, 2, A_K_POS)
-    _scale(h, aux, 2, A_K_POS, POSITION_FLOOR_M, 0)
-    h[H_VAR] *= POSITION_CORRELATION
-    h[H_VAR + 1] *= POSITION_CORRELATION
-    _judge(h, P, par, work, POS, 2)
+    _believe(h, P, par, aux, work, POS, 2, A_K_POS, POSITION_FLOOR_M, POSITION_CORRELATION)
     h[H_SHIFT] = h[H_VAR + 2] = 0.0
     has_height = not math.isnan(h[H_DATA + 2])
     slow = max(1.0, 2.0 * ALTITUDE_CORRELATION_S / max(0.05, aux[A_GNSS_INTERVAL]))
@@ -226,11 +259,7 @@ def velocity(h: Float, x: Float, P: Float, u: Float, par: Float, aux: Float, ctl
         work[W_OBS + i] = h[H_DATA + i]
         work[W_INNOV + i] = h[H_DATA + i] - ant[3 + i]
     if h[H_STATUS] == UNDECIDED:
-        _learn(h, P, aux, work, VEL, 2, A_K_VEL)
-        _scale(h, aux, 3, A_K_VEL, VELOCITY_FLOOR_M_S, 0)
-        for i in range(3):
-            h[H_VAR + i] *= par[PAR_GNSS_CORRELATION]
-        _judge(h, P, par, work, VEL, n)
+        _believe(h, P, par, aux, work, VEL, n, A_K_VEL, VELOCITY_FLOOR_M_S, par[PAR_GNSS_CORRELATION])
     if h[H_STATUS] == FUSED:
         for i in range(n):
             _fuse_axis(P, work, VEL + i, work[W_INNOV + i], h[H_VAR + i], VELOCITY, ant[6 + i])

@@ -11,7 +11,7 @@ import math
 from typing import Final
 
 from server.nav.codes import FUSED, REFUSED_DISTURBED, REFUSED_GATE
-from server.nav.ekf.aiding.gnss import tracked_ratio
+from server.nav.ekf.aiding.gnss import REFUSED_K, tracked_ratio
 from server.nav.ekf.delays import MAG as MAG_DELAY
 from server.nav.ekf.layout import (
     A_FIELD_D,
@@ -110,7 +110,8 @@ def field(h: Float, x: Float, P: Float, u: Float, par: Float, aux: Float, ctl: I
         off = abs(math.sqrt(z[0] ** 2 + z[1] ** 2 + z[2] ** 2) - strength)
         if ctl[C_HAS_FIELD] and off > STRENGTH_TOLERANCE * strength:
             h[H_STATUS] = REFUSED_DISTURBED
-        aux[A_K_MAG] = min(K_MAX, max(K_MIN, tracked_ratio(aux[A_K_MAG], excess, LEARN)))
+        most = K_MAX if h[H_STATUS] == FUSED else max(aux[A_K_MAG], REFUSED_K)  # what is refused must not open its gate
+        aux[A_K_MAG] = min(most, max(K_MIN, tracked_ratio(aux[A_K_MAG], excess, LEARN)))
     if h[H_STATUS] == FUSED:
         for i in range(3):
             observe(x, u, work, i)
