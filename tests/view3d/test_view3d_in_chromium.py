@@ -50,13 +50,13 @@ def share_of(image: NDArray[np.float64], rgb: tuple[int, int, int], near: float 
 
 
 def wait_for_vehicle(page: "Page") -> NDArray[np.float64]:
-    """Return the first picture with the vehicle's orange front in it; it fails after 30 s."""
-    for _ in range(30):
+    """Return the first picture with the vehicle's orange front in it; it fails after 90 s: software draws slowly."""
+    for _ in range(90):
         image = picture(page)
         if share_of(image, (255, 150, 70)) > 0.0001:  # a dozen pixels: the vehicle is small from the chase camera
             return image
         page.wait_for_timeout(1000)
-    raise AssertionError("no orange front appeared in 30 s")
+    raise AssertionError("no orange front appeared in 90 s")
 
 
 def open_view(page: "Page", at: Served, query: str) -> None:
