@@ -9,7 +9,7 @@ from typing import Final, Literal
 import numpy as np
 
 from server.nav.types import EngineSettings, Float
-from server.sim import SimSettings, sensors
+from server.sim import SimSettings, gnss, sensors
 
 Told = Literal["defaults", "sheet"]
 LANE: Final = "ins_ekf"
@@ -22,10 +22,29 @@ SHEET: Final = {
     "gyro_bias_walk_rad_s2_rthz": sensors.GYRO_WALK_RAD_S2_RTHZ,
     "accel_bias_walk_m_s3_rthz": sensors.ACCEL_WALK_M_S3_RTHZ,
     "accel_bias_sigma_m_s2": sensors.ACCEL_BIAS_M_S2 / math.sqrt(3.0),  # drawn evenly up to the sheet's figure
+    "gyro_scale": math.sqrt(sensors.SCALE_ERROR**2 / 3.0 + 2.0 * sensors.CROSS_ERROR**2 / 3.0) / math.sqrt(3.0),
     "mag_noise_gauss": sensors.MAG_NOISE_GAUSS,
+    "mag_bias_sigma_gauss": sensors.HARD_IRON_GAUSS / math.sqrt(3.0),  # of the given length, in any direction
+    "mag_bias_walk_gauss_rts": 0.0,
+    "declination_sigma_rad": 0.0,  # the field flown in is the model's
+    "field_sigma": 0.0,
+    "field_walk_gauss_rts": 0.0,
     "baro_noise_m": sensors.BARO_NOISE_M,
+    "baro_drift_m_rts": sensors.BARO_DRIFT_M * math.sqrt(2.0 / sensors.BARO_DRIFT_S),
+    "gnss_wander_tau_s": gnss.WANDER_S,
+    "gnss_jitter_tau_s": gnss.JITTER_S,
+    "gnss_speed_tau_s": gnss.VELOCITY_S,
 }
-"""Noise and bias of the demo board's sensors as their data sheets give them, by parameter of the lane."""
+"""Noise, bias and drift of the demo board's sensors as their data sheets give them, by parameter of the lane."""
+
+
+def sheet(quality: gnss.Quality) -> dict[str, float]:
+    """Return everything that a data sheet would say of the demo board's sensors, with this receiver."""
+    return SHEET | {
+        "gnss_wander_m": quality.wander_m,
+        "gnss_jitter_m": quality.jitter_m,
+        "gnss_speed_m_s": quality.velocity_m_s,
+    }
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
@@ -55,7 +74,7 @@ class Campaign:
 
     def engine(self) -> EngineSettings:
         """Return what the engine of every flight is told."""
-        parameters = {LANE: SHEET} if self.told == "sheet" else {}
+        parameters = {LANE: sheet(gnss.RTK if self.rtk else gnss.STANDARD)} if self.told == "sheet" else {}
         return EngineSettings(lanes=(LANE,), lane_parameters=parameters)
 
     @property

@@ -1,4 +1,4 @@
-"""Switching the magnetic and wind blocks of the filter on, with what is known of them before any measurement."""
+"""Switching the optional blocks of the filter on, with what is known of them before any measurement."""
 
 from __future__ import annotations
 
@@ -15,7 +15,27 @@ from server.nav.ekf.layout import (
     PAR_WIND_SIGMA,
     W_DIM,
 )
-from server.nav.ekf.states import FIELD, MAG_BIAS, WIND, WITH_MAG, X_FIELD, X_MAG_BIAS, X_WIND, N, packed
+from server.nav.ekf.states import (
+    BARO,
+    FIELD,
+    JITTER,
+    MAG_BIAS,
+    POS,
+    WANDER,
+    WIND,
+    WITH_BARO,
+    WITH_MAG,
+    WITH_WANDER,
+    WITH_WIND,
+    X_BARO,
+    X_FIELD,
+    X_JITTER,
+    X_MAG_BIAS,
+    X_WANDER,
+    X_WIND,
+    N,
+    packed,
+)
 from server.nav.ekf.update import reset_axis
 from server.nav.kernel import kernel
 from server.nav.types import Float, Int
@@ -54,7 +74,41 @@ def switch_mag_on(x: Float, P: Float, par: Float, aux: Float, ctl: Int, work: Fl
 @kernel("void(float64[::1], float64[::1], float64[::1], float64[::1])")
 def switch_wind_on(x: Float, P: Float, par: Float, work: Float) -> None:
     """Activate the wind, calm with the σ of ordinary weather; a magnetic block that is absent stays at zero."""
-    work[W_DIM] = float(N)
+    work[W_DIM] = max(work[W_DIM], float(WITH_WIND))
     for i in range(2):
         x[X_WIND + i] = 0.0
         reset_axis(P, WIND + i, par[PAR_WIND_SIGMA] ** 2)
+
+
+@kernel("void(float64[::1], float64[::1], float64[::1], float64, float64)")
+def start_datum(x: Float, P: Float, work: Float, offset_m: float, variance: float) -> None:
+    """Set the baro's datum from the height: what is known of the height becomes what is known of the datum.
+
+    Args:
+        offset_m: height less baro height.
+        variance: of one baro height, m².
+    """
+    work[W_DIM] = max(work[W_DIM], float(WITH_BARO))
+    x[X_BARO] = offset_m
+    for j in range(N):
+        if j != BARO:
+            P[packed(BARO, j)] = -P[packed(POS + 2, j)]
+    P[packed(BARO, BARO)] = P[packed(POS + 2, POS + 2)] + variance
+
+
+@kernel("void(float64[::1], float64[::1], float64[::1], float64, float64)")
+def start_wander(x: Float, P: Float, work: Float, sigma_m: float, sigma_d_m: float) -> None:
+    """Activate the slow error of the receiver's position, zero with its long-term σ, horizontal and down."""
+    work[W_DIM] = max(work[W_DIM], float(WITH_WANDER))
+    for i in range(3):
+        x[X_WANDER + i] = 0.0
+        reset_axis(P, WANDER + i, sigma_m**2 if i < 2 else sigma_d_m**2)
+
+
+@kernel("void(float64[::1], float64[::1], float64[::1], float64, float64)")
+def start_jitter(x: Float, P: Float, work: Float, sigma_m: float, sigma_d_m: float) -> None:
+    """Activate the quick error of the receiver's position likewise."""
+    work[W_DIM] = float(N)
+    for i in range(3):
+        x[X_JITTER + i] = 0.0
+        reset_axis(P, JITTER + i, sigma_m**2 if i < 2 else sigma_d_m**2)

@@ -39,6 +39,9 @@ ACCEL_BIAS_SIGMA_M_S2: Final = 0.12  # zero-g offset of a consumer accelerometer
 GNSS_CORRELATION: Final = (
     4.0  # velocity errors of successive fixes are alike: (1 + ρ)/(1 − ρ) with ρ = 0.6 at 5 to 10 Hz
 )
+GNSS_WANDER_S: Final = 60.0  # ionosphere, orbits and multipath of a moving vehicle
+ZERO_RATE_RAD_S: Final = 0.004  # mean over one step of a board at rest: noise and sway
+ZERO_VELOCITY_M_S: Final = 0.05  # a vehicle that stands still sways on its legs or springs
 BARO_DRIFT_M_RTS: Final = 0.02  # weather and cabin pressure: 0.15 m in a minute
 FIELD_WALK_GAUSS_RTS: Final = 9e-5  # crustal anomalies met on the way: 0.1° of half a gauss in 100 s
 FIELD_SIGMA: Final = 0.05  # strength: anomalies and the sensor's own scale

@@ -119,13 +119,12 @@ def rerun(
     size = r_u.shape[0]
     slot = dirty % size
     copy(r_x[slot], x, x.shape[0])
-    n = active(work)
-    copy(r_P[slot], P, n)
+    copy(r_P[slot], P, active(work))
     for k in range(dirty, ctl[C_HEAD]):
         slot = k % size
         if k > dirty:
             predict(x, P, r_u[slot], par, aux, ctl, work)
             copy(x, r_x[slot], x.shape[0])
-            copy(P, r_P[slot], n)
+            copy(P, r_P[slot], active(work))  # a measurement may have switched a block on
         for i in range(r_n[slot]):
             handle(r_m[slot, i], x, P, r_u[slot], par, aux, ctl, work, aids, aid_t, events, t_ns)

@@ -38,8 +38,9 @@ H_STATUS: Final = 2  # −1 undecided, then AidStatus, or RESET
 H_DATA: Final = 3  # (9) observation
 H_ACC: Final = 12  # (3) standard deviations as reported or assumed
 H_VAR: Final = 15  # (3) variances decided on at first use, kept for every re-run
-H_SHIFT: Final = 18  # height shift decided on at first use, m
-H_SIZE: Final = 19
+H_WANDER: Final = 18  # σ of the slow error of this receiver's fixes, per horizontal axis, m; 0 = none
+H_WANDER_D: Final = 19  # and down
+H_SIZE: Final = 20
 UNDECIDED: Final = -1.0
 RESET: Final = 100.0  # this measurement set velocity and position instead of correcting them
 
@@ -68,7 +69,16 @@ PAR_MAG_BIAS_WALK: Final = 22  # gauss/√s
 PAR_WIND_SIGMA: Final = 23  # m/s
 PAR_WIND_WALK: Final = 24  # m/s/√s
 PAR_FIELD_SIGMA: Final = 25  # error of the model's strength, as a share of it
-PAR_SIZE: Final = 26
+PAR_GNSS_WANDER: Final = 40  # m per horizontal axis; NaN: from the reported accuracy
+PAR_GNSS_WANDER_TAU: Final = 41  # s
+PAR_GNSS_JITTER: Final = 42  # m per horizontal axis; NaN: learned from the innovations
+PAR_GNSS_JITTER_TAU: Final = 43  # s; 0 = white
+PAR_GNSS_SPEED: Final = 44  # m/s per axis; NaN: learned from the innovations
+PAR_GNSS_SPEED_TAU: Final = 45  # s, of a velocity error that is told
+PAR_ZERO_RATE: Final = 46  # rad/s
+PAR_ZERO_VELOCITY: Final = 47  # m/s
+PAR_GYRO_SCALE: Final = 48  # scale and cross-axis errors, as a share of the rate
+PAR_SIZE: Final = 49
 
 NEVER_NS: Final = -1e18
 """A time before every other."""
@@ -103,8 +113,8 @@ A_GNSS_INTERVAL: Final = 4  # s, mean
 A_T_GNSS_SEEN: Final = 5
 A_T_MAG: Final = 6
 A_T_BARO: Final = 7
-A_BARO_OFFSET: Final = 8  # height = baro altitude + offset, m
-A_BARO_OFFSET_VAR: Final = 9
+A_GNSS_WANDER_VAR_D: Final = 8  # of the slow error down, m²
+A_GNSS_JITTER_VAR: Final = 9  # of the quick error per horizontal axis, m²
 A_K_POS: Final = 10  # innovations' variance over the reported one: horizontal position
 A_K_VEL: Final = 11
 A_K_ALT: Final = 12
@@ -127,24 +137,25 @@ A_GYRO_SUM: Final = 38  # (3) over the rest that alignment averages
 A_ACCEL_SUM: Final = 41  # (3)
 A_SITE: Final = 44  # (3) latitude rad, longitude rad, height m
 A_T_RATE: Final = 47  # last zero-rate update, ns
-A_GNSS_WANDER_VAR: Final = 48  # slow error of an ordinary receiver that no innovation shows, m² per axis
+A_GNSS_WANDER_VAR: Final = 48  # long-term variance of an ordinary receiver's slow error, m² per horizontal axis
 A_T_RESET: Final = 49  # validity of the GNSS position that last set the state, ns
 A_T_WHEELS: Final = 50  # last zero lateral velocity of a car, ns
 A_T_ASTRAY: Final = 51  # since when the yaw bank contradicts the heading, ns; NEVER_NS when it does not
-A_SIZE: Final = 52
+A_GNSS_JITTER_VAR_D: Final = 60
+A_SIZE: Final = 61
 
 # Scratch, so that nothing is allocated in a step.
 W_U: Final = 0  # (18) input of the covariance prediction
-W_H: Final = 18  # (23) one row of H
-W_PH: Final = 41  # (23) P Hᵀ
-W_DX: Final = 64  # (23) correction collected over one measurement
 W_OBS: Final = 87  # record of the measurement just handled
 W_PRED: Final = 90
 W_INNOV: Final = 93
 W_VAR: Final = 96
 W_RATIO: Final = 99
 W_DIM: Final = 100  # error states that are active (`states`); not scratch: set when a block is switched on
-W_SIZE: Final = 101
+W_H: Final = 128  # (N) one row of H
+W_PH: Final = 160  # (N) P Hᵀ
+W_DX: Final = 192  # (N) correction collected over one measurement
+W_SIZE: Final = 224
 
 # Events the kernel reports: code, time ns, size, second size.
 E_ALIGNED: Final = 1  # heading sigma rad, tilt sigma rad

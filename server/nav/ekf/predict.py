@@ -9,13 +9,21 @@ from server.nav.constants import EARTH_RATE_RAD_S
 from server.nav.earth import curvature_radii, gravity_and_radii, normal_gravity
 from server.nav.ekf.covariance import predict_covariance
 from server.nav.ekf.layout import (
+    A_GNSS_JITTER_VAR,
+    A_GNSS_JITTER_VAR_D,
+    A_GNSS_WANDER_VAR,
+    A_GNSS_WANDER_VAR_D,
     A_GRAVITY,
     C_HAS_SITE,
     C_POSITIONED,
     PAR_ACCEL_NOISE,
     PAR_ACCEL_WALK,
+    PAR_BARO_DRIFT,
     PAR_FIELD_WALK,
+    PAR_GNSS_JITTER_TAU,
+    PAR_GNSS_WANDER_TAU,
     PAR_GYRO_NOISE,
+    PAR_GYRO_SCALE,
     PAR_GYRO_WALK,
     PAR_MAG_BIAS_WALK,
     PAR_WIND_WALK,
@@ -23,18 +31,24 @@ from server.nav.ekf.layout import (
     U_DTHETA,
     U_DVEL,
     U_GAP_S,
+    U_GYRO_MEAN,
     U_VIBRATION,
     W_DIM,
 )
 from server.nav.ekf.states import (
+    BARO,
     FIELD,
+    JITTER,
     MAG_BIAS,
+    WANDER,
     WIND,
     X_ACCEL_BIAS,
     X_GYRO_BIAS,
+    X_JITTER,
     X_POS,
     X_Q,
     X_VEL,
+    X_WANDER,
     packed,
 )
 from server.nav.kernel import kernel
@@ -44,6 +58,9 @@ from server.nav.types import Float, Int
 VIBRATION_BANDWIDTH_HZ: Final = 100.0
 """Vibration measured over this bandwidth is taken as white: propellers alias into the navigation band. White noise of
 0.5 m/s² at 333 Hz is then over-estimated by 1.8, a board's own 20 Hz low-pass under-estimated by as much."""
+
+TURN_S: Final = 1.0
+"""A turn lasts about this long: an error of the gyro's scale is then taken as noise with that memory."""
 
 
 @kernel("UniTuple(float64, 3)(float64[::1], int64[::1])")
@@ -105,6 +122,9 @@ def _predict_errors(P: Float, u: Float, par: Float, work: Float) -> None:
     dt, gap = u[U_DT], u[U_GAP_S]
     shaking = u[U_VIBRATION] * u[U_VIBRATION] / (3.0 * VIBRATION_BANDWIDTH_HZ)
     work[13] = par[PAR_GYRO_NOISE] * par[PAR_GYRO_NOISE] * dt + 0.25 * gap * gap
+    if par[PAR_GYRO_SCALE] > 0.0:
+        turn2 = u[U_GYRO_MEAN] ** 2 + u[U_GYRO_MEAN + 1] ** 2 + u[U_GYRO_MEAN + 2] ** 2
+        work[13] += 2.0 * TURN_S * par[PAR_GYRO_SCALE] * par[PAR_GYRO_SCALE] * turn2 * dt
     work[14] = (par[PAR_ACCEL_NOISE] * par[PAR_ACCEL_NOISE] + shaking) * dt + 9.0 * gap * gap
     work[15] = 0.0
     work[16] = par[PAR_GYRO_WALK] * par[PAR_GYRO_WALK] * dt
@@ -113,15 +133,64 @@ def _predict_errors(P: Float, u: Float, par: Float, work: Float) -> None:
     n = int(work[W_DIM])
     if n > FIELD:
         predict_columns(P, work, FIELD, n)
-        field = par[PAR_FIELD_WALK] * par[PAR_FIELD_WALK] * dt
-        bias = par[PAR_MAG_BIAS_WALK] * par[PAR_MAG_BIAS_WALK] * dt
-        for i in range(3):
-            P[packed(FIELD + i, FIELD + i)] += field
-            P[packed(MAG_BIAS + i, MAG_BIAS + i)] += bias
-    if n > WIND:
+        if P[packed(MAG_BIAS, MAG_BIAS)] > 0.0:
+            field = par[PAR_FIELD_WALK] * par[PAR_FIELD_WALK] * dt
+            bias = par[PAR_MAG_BIAS_WALK] * par[PAR_MAG_BIAS_WALK] * dt
+            for i in range(3):
+                P[packed(FIELD + i, FIELD + i)] += field
+                P[packed(MAG_BIAS + i, MAG_BIAS + i)] += bias
+    if n > WIND and P[packed(WIND, WIND)] > 0.0:
         wind = par[PAR_WIND_WALK] * par[PAR_WIND_WALK] * dt
         P[packed(WIND, WIND)] += wind
         P[packed(WIND + 1, WIND + 1)] += wind
+
+
+@kernel("void(float64[::1], int64, int64, float64, float64, float64)", contract=True)
+def fade(P: Float, first: int, n: int, keep: float, drive: float, drive_d: float) -> None:
+    """Advance the covariances of three Gauss-Markov states; a block that was never started stays at zero.
+
+    Args:
+        P: packed lower triangle.
+        first: of the three states.
+        n: active states.
+        keep: share of the error that is left after the step.
+        drive, drive_d: variance added to the two horizontal ones and to the one down, m².
+    """
+    if not P[packed(first, first)] > 0.0:
+        return
+    last = first + 3
+    k = first * (first + 1) // 2
+    for i in range(first, last):
+        for j in range(i + 1):
+            P[k + j] *= keep
+        k += i + 1
+    k = first * (first + 1) // 2
+    for i in range(first, n):
+        for j in range(first, min(i + 1, last)):
+            P[k + j] *= keep
+        k += i + 1
+    P[packed(first, first)] += drive
+    P[packed(first + 1, first + 1)] += drive
+    P[packed(first + 2, first + 2)] += drive_d
+
+
+@kernel("void(float64[::1], float64[::1], float64, float64[::1], float64[::1], int64)")
+def _predict_slow(x: Float, P: Float, dt: float, par: Float, aux: Float, n: int) -> None:
+    """Advance the sensors' slow errors: the baro's datum walks, the receiver's errors fade and come anew."""
+    if P[packed(BARO, BARO)] > 0.0:
+        P[packed(BARO, BARO)] += par[PAR_BARO_DRIFT] * par[PAR_BARO_DRIFT] * dt
+    if n > WANDER:
+        keep = math.exp(-dt / par[PAR_GNSS_WANDER_TAU])
+        fresh = 1.0 - keep * keep
+        fade(P, WANDER, n, keep, fresh * aux[A_GNSS_WANDER_VAR], fresh * aux[A_GNSS_WANDER_VAR_D])
+        for i in range(3):
+            x[X_WANDER + i] *= keep
+    if n > JITTER and par[PAR_GNSS_JITTER_TAU] > 0.0:
+        keep = math.exp(-dt / par[PAR_GNSS_JITTER_TAU])
+        fresh = 1.0 - keep * keep
+        fade(P, JITTER, n, keep, fresh * aux[A_GNSS_JITTER_VAR], fresh * aux[A_GNSS_JITTER_VAR_D])
+        for i in range(3):
+            x[X_JITTER + i] *= keep
 
 
 @kernel("void(float64[::1], float64[::1], float64[::1], float64[::1], int64[::1])")
@@ -178,3 +247,6 @@ def predict(x: Float, P: Float, u: Float, par: Float, aux: Float, ctl: Int, work
     """
     _move(x, u, work, aux, ctl)
     _predict_errors(P, u, par, work)
+    n = int(work[W_DIM])
+    if n > BARO:
+        _predict_slow(x, P, u[U_DT], par, aux, n)

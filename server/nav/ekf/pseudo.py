@@ -23,6 +23,7 @@ from server.nav.ekf.layout import (
     H_STATUS,
     H_T,
     PAR_VEHICLE,
+    PAR_ZERO_VELOCITY,
     U_DT,
     U_T,
     UNDECIDED,
@@ -36,7 +37,6 @@ PSEUDO_INTERVAL_NS: Final = 1e8  # ten a second: the board's sway is correlated 
 WHEELS_INTERVAL_NS: Final = 2e8
 REST_BEFORE_ZERO_S: Final = 1.0
 STILL_SPEED_M_S: Final = 0.15
-ZERO_VELOCITY_M_S: Final = 0.05  # a vehicle that stands still sways on its legs or springs
 HOVER_VELOCITY_M_S: Final = 0.7
 """Without GNSS a hover looks like rest: a drift of 0.1 m/s that lasts for seconds, sampled ten times a second."""
 
@@ -92,7 +92,7 @@ def pseudo_measurements(
         aux[A_T_STILL] = t
         _pseudo(h, u, ZERO_VELOCITY)
         rolls = par[PAR_VEHICLE] == CAR or par[PAR_VEHICLE] == HAND_HELD
-        h[H_ACC] = ZERO_VELOCITY_M_S if fresh or rolls else HOVER_VELOCITY_M_S
+        h[H_ACC] = par[PAR_ZERO_VELOCITY] if fresh or rolls else HOVER_VELOCITY_M_S
         dirty = attach(h, dirty, t, ctl, work, r_u, r_m, r_n, aids, aid_t)
     aux[A_T_RATE] = t
     _pseudo(h, u, ZERO_RATE)

@@ -13,12 +13,10 @@ from server.nav.ekf.intake import take
 from server.nav.ekf.layout import (
     A_ACCEL_MEAN,
     A_ACCEL_VAR,
-    A_BARO_OFFSET,
-    A_BARO_OFFSET_VAR,
     A_GNSS_INTERVAL,
-    A_GNSS_WANDER_VAR,
     A_GYRO_MEAN,
     A_GYRO_VAR,
+    A_K_ALT,
     A_K_BARO,
     A_K_MAG,
     A_K_POS,
@@ -69,8 +67,8 @@ def _forget(x: Float, P: Float, aux: Float, ctl: Int) -> None:
     for i in range(3):
         x[X_POS + i] = aux[A_SITE + i]
         aux[A_GYRO_MEAN + i] = aux[A_GYRO_VAR + i] = aux[A_ACCEL_MEAN + i] = aux[A_ACCEL_VAR + i] = 0.0
-    aux[A_K_POS] = aux[A_K_VEL] = aux[A_K_BARO] = aux[A_K_MAG] = 1.0
-    aux[A_GNSS_WANDER_VAR] = aux[A_BARO_OFFSET] = aux[A_BARO_OFFSET_VAR] = aux[A_MAG_WEIGHT] = 0.0
+    aux[A_K_POS] = aux[A_K_VEL] = aux[A_K_ALT] = aux[A_K_BARO] = aux[A_K_MAG] = 1.0
+    aux[A_MAG_WEIGHT] = 0.0
     aux[A_T_START] = NEVER_NS
     ctl[C_POSITIONED] = ctl[C_VALID] = ctl[C_ALIGNED_BEFORE] = 0
     ctl[C_BARO_SEEN] = ctl[C_REFUSED_RUN] = ctl[C_STILL_STEPS] = ctl[C_HAS_HEADING] = 0

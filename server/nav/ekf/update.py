@@ -9,18 +9,24 @@ from server.nav.ekf.predict import move_position
 from server.nav.ekf.states import (
     ACCEL_BIAS,
     ATT,
+    BARO,
     FIELD,
     GYRO_BIAS,
+    JITTER,
     MAG_BIAS,
     POS,
     VEL,
+    WANDER,
     WIND,
     X_ACCEL_BIAS,
+    X_BARO,
     X_FIELD,
     X_GYRO_BIAS,
+    X_JITTER,
     X_MAG_BIAS,
     X_Q,
     X_VEL,
+    X_WANDER,
     X_WIND,
     N,
     packed,
@@ -118,8 +124,11 @@ def inject(x: Float, P: Float, work: Float) -> None:
         x[X_ACCEL_BIAS + i] += d[ACCEL_BIAS + i]
         x[X_FIELD + i] += d[FIELD + i]
         x[X_MAG_BIAS + i] += d[MAG_BIAS + i]
+        x[X_WANDER + i] += d[WANDER + i]
+        x[X_JITTER + i] += d[JITTER + i]
     x[X_WIND] += d[WIND]
     x[X_WIND + 1] += d[WIND + 1]
+    x[X_BARO] += d[BARO]
     move_position(x, d[POS], d[POS + 1], d[POS + 2])
     for i in range(N):
         d[i] = 0.0

@@ -12,7 +12,7 @@ from server.nav.ekf import layout as at
 from server.nav.ekf.align import turn_about_down
 from server.nav.ekf.blocks import start_field
 from server.nav.ekf.run import run
-from server.nav.ekf.states import ATT, FIELD, INERTIAL, PACKED, WITH_MAG, X_POS, X_Q, X_SIZE, packed
+from server.nav.ekf.states import ATT, FIELD, INERTIAL, PACKED, POS, WITH_MAG, X_POS, X_Q, X_SIZE, packed
 from server.nav.lanes.base import LaneContext, LaneResult, Parameter, Provides
 from server.nav.types import (
     AID_COLUMNS,
@@ -114,7 +114,73 @@ PARAMETERS: Final = (
         name="gate_sigma", unit="", default=defaults.GATE_SIGMA, minimum=2.0, maximum=100.0,
         meaning="A measurement further from its prediction than this many standard deviations is refused.",
     ),
+    Parameter(
+        name="gnss_wander_m", unit="m", default=math.nan, minimum=0.0, maximum=100.0,
+        meaning="Slow error of the receiver's position per horizontal axis; not a number takes it from the accuracy "
+        "that the receiver reports, and none for a carrier-phase solution.",
+    ),
+    Parameter(
+        name="gnss_wander_tau_s", unit="s", default=defaults.GNSS_WANDER_S, minimum=1.0, maximum=3600.0,
+        meaning="How long the receiver's slow error lasts.",
+    ),
+    Parameter(
+        name="gnss_jitter_m", unit="m", default=math.nan, minimum=0.0, maximum=100.0,
+        meaning="Quick error of the receiver's position per horizontal axis; not a number learns it from the fixes.",
+    ),
+    Parameter(
+        name="gnss_jitter_tau_s", unit="s", default=0.0, minimum=0.0, maximum=60.0,
+        meaning="How long a quick error that is given lasts; zero means that every fix has its own.",
+    ),
+    Parameter(
+        name="gnss_speed_m_s", unit="m/s", default=math.nan, minimum=0.0, maximum=10.0,
+        meaning="Error of the receiver's velocity per axis; not a number learns it from the fixes.",
+    ),
+    Parameter(
+        name="gnss_speed_tau_s", unit="s", default=0.0, minimum=0.0, maximum=60.0,
+        meaning="How long a velocity error that is given lasts; zero means that every fix has its own.",
+    ),
+    Parameter(
+        name="baro_drift_m_rts", unit="m/√s", default=defaults.BARO_DRIFT_M_RTS, minimum=0.0, maximum=10.0,
+        meaning="How fast the height that the baro counts from wanders, with weather and draught.",
+    ),
+    Parameter(
+        name="field_sigma", unit="", default=defaults.FIELD_SIGMA, minimum=0.0, maximum=1.0,
+        meaning="Error of the magnetic model's strength and dip, and of the sensor's scale, as a share of the field.",
+    ),
+    Parameter(
+        name="field_walk_gauss_rts", unit="gauss/√s", default=defaults.FIELD_WALK_GAUSS_RTS, minimum=0.0, maximum=0.1,
+        meaning="How fast the Earth field changes along the way.",
+    ),
+    Parameter(
+        name="mag_bias_walk_gauss_rts", unit="gauss/√s", default=defaults.MAG_BIAS_WALK_GAUSS_RTS, minimum=0.0,
+        maximum=0.1, meaning="How fast the magnetic field fixed to the body changes, with currents and temperature.",
+    ),
+    Parameter(
+        name="zero_rate_rad_s", unit="rad/s", default=defaults.ZERO_RATE_RAD_S, minimum=1e-5, maximum=0.1,
+        meaning="Rotation that a board at rest still has, noise included.",
+    ),
+    Parameter(
+        name="zero_velocity_m_s", unit="m/s", default=defaults.ZERO_VELOCITY_M_S, minimum=1e-4, maximum=1.0,
+        meaning="Velocity that a vehicle at rest still has.",
+    ),
+    Parameter(
+        name="gyro_scale", unit="", default=0.0, minimum=0.0, maximum=0.1,
+        meaning="Scale and cross-axis errors of the gyro, as a share of the rate; the noise of a class covers them.",
+    ),
 )  # fmt: skip
+
+
+AS_GIVEN: Final = {
+    at.PAR_GNSS_WANDER: "gnss_wander_m",
+    at.PAR_GNSS_WANDER_TAU: "gnss_wander_tau_s",
+    at.PAR_GNSS_JITTER: "gnss_jitter_m",
+    at.PAR_GNSS_JITTER_TAU: "gnss_jitter_tau_s",
+    at.PAR_GNSS_SPEED: "gnss_speed_m_s",
+    at.PAR_GNSS_SPEED_TAU: "gnss_speed_tau_s",
+    at.PAR_ZERO_RATE: "zero_rate_rad_s",
+    at.PAR_ZERO_VELOCITY: "zero_velocity_m_s",
+    at.PAR_GYRO_SCALE: "gyro_scale",
+}
 
 
 def kernel_parameters(context: LaneContext) -> Float:
@@ -133,10 +199,10 @@ def kernel_parameters(context: LaneContext) -> Float:
     par[at.PAR_GATE] = given("gate_sigma")
     par[at.PAR_MAG_NOISE] = given("mag_noise_gauss")
     par[at.PAR_DECLINATION_SIGMA] = given("declination_sigma_rad")
-    par[at.PAR_FIELD_WALK] = defaults.FIELD_WALK_GAUSS_RTS
-    par[at.PAR_FIELD_SIGMA] = defaults.FIELD_SIGMA
+    par[at.PAR_FIELD_WALK] = given("field_walk_gauss_rts")
+    par[at.PAR_FIELD_SIGMA] = given("field_sigma")
     par[at.PAR_MAG_BIAS_SIGMA] = given("mag_bias_sigma_gauss")
-    par[at.PAR_MAG_BIAS_WALK] = defaults.MAG_BIAS_WALK_GAUSS_RTS
+    par[at.PAR_MAG_BIAS_WALK] = given("mag_bias_walk_gauss_rts")
     par[at.PAR_WIND_SIGMA] = defaults.WIND_SIGMA_M_S
     par[at.PAR_WIND_WALK] = defaults.WIND_WALK_M_S_RTS
     par[at.PAR_BARO_NOISE] = given("baro_noise_m")
@@ -145,7 +211,9 @@ def kernel_parameters(context: LaneContext) -> Float:
     delays = [0.0 if math.isnan(delay) else delay for delay in context.delays_s]
     par[at.PAR_IMU_DELAY], par[at.PAR_MAG_DELAY], par[at.PAR_GNSS_DELAY], par[at.PAR_BARO_DELAY] = delays
     par[at.PAR_ACCEL_BIAS_SIGMA] = given("accel_bias_sigma_m_s2")
-    par[at.PAR_BARO_DRIFT] = defaults.BARO_DRIFT_M_RTS
+    par[at.PAR_BARO_DRIFT] = given("baro_drift_m_rts")
+    for index, name in AS_GIVEN.items():
+        par[index] = values[name]  # NaN: found out by the filter
     par[at.PAR_VEHICLE] = context.vehicle
     par[at.PAR_GRAVITY_NOISE] = given("gravity_noise_m_s2")
     return par
@@ -171,7 +239,8 @@ class InsEkf:
             self._aux[index] = at.NEVER_NS
         for index in (at.A_T_RESET, at.A_T_MAG, at.A_T_BARO, at.A_T_STILL, at.A_T_RATE, at.A_T_GRAVITY, at.A_T_WHEELS):
             self._aux[index] = at.NEVER_NS
-        self._aux[at.A_K_POS] = self._aux[at.A_K_VEL] = self._aux[at.A_K_BARO] = self._aux[at.A_K_MAG] = 1.0
+        for index in (at.A_K_POS, at.A_K_VEL, at.A_K_ALT, at.A_K_BARO, at.A_K_MAG):
+            self._aux[index] = 1.0
         self._aux[at.A_GNSS_INTERVAL] = 1.0
         self._aux[at.A_GRAVITY] = 9.80665
         self._work, self._h = np.zeros(at.W_SIZE), np.zeros(at.H_SIZE)
@@ -181,6 +250,7 @@ class InsEkf:
         self._r_m = np.zeros((slots, at.SLOT_MEASUREMENTS, at.H_SIZE))
         self._r_n = np.zeros(slots, dtype=np.int64)
         self._pending: list[Event] = []
+        self._t_ns = 0
 
     def configure(self, context: LaneContext) -> None:
         """Take other parameters from the next step on."""
@@ -217,6 +287,14 @@ class InsEkf:
         P[packed(ATT + 2, FIELD)], P[packed(ATT + 2, FIELD + 1)] = -math.sin(D) * across, math.cos(D) * across
         P[packed(ATT + 2, ATT + 2)] += variance
 
+    def covariance(self) -> tuple[int, Float] | None:
+        """Return (t_ns, P) of the newest row, P (9, 9) over attitude rad, velocity m/s, position m, NED; None before."""
+        if self._ctl[at.C_MODE] == LaneStatus.ALIGNING:
+            return None
+        P = np.zeros((POS + 3, POS + 3))
+        P[np.tril_indices(POS + 3)] = self._P[: packed(POS + 3, 0)]
+        return self._t_ns, P + np.tril(P, -1).T
+
     def _newest(self) -> int:
         return int(self._ctl[at.C_HEAD] - 1) % len(self._r_u)
 
@@ -232,6 +310,7 @@ class InsEkf:
             steps, meas, self._x, self._P, self._par, self._aux, self._ctl, self._work,
             self._r_u, self._r_x, self._r_P, self._r_m, self._r_n, rows, aids, aid_t, events, self._h,
         )  # fmt: skip
+        self._t_ns = int(t_ns[-1]) if n else self._t_ns
         k = int(self._ctl[at.C_AIDS])
         aid_rows = AidRows(t_ns=aid_t[:k].astype(np.int64) + self._t0_ns, data=aids[:k])
         aid_rows.data[:, 15] += self._t0_ns
