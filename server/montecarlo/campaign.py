@@ -16,13 +16,23 @@ LANE: Final = "ins_ekf"
 EPOCH_S: Final = 0.5
 WIND_M_S: Final = 8.0
 """The mean wind of a flight is drawn evenly up to here: a fresh breeze, the most a 2 kg multirotor is flown in."""
+LEARNED_S: Final = 12.0
+WARMING: Final = (
+    (sensors.WARM_DEGC - sensors.COLD_DEGC) / sensors.WARM_UP_S * math.sqrt(LEARNED_S) / math.sqrt(3.0)
+)  # K/s·√s
+"""A bias that runs with the temperature, K/s times a factor drawn evenly up to the sheet's, is told as the random walk
+that goes as far in the time over which a bias is learned."""
 SHEET: Final = {
     "gyro_noise_rad_s_rthz": sensors.GYRO_NOISE_RAD_S_RTHZ,
     "accel_noise_m_s2_rthz": sensors.ACCEL_NOISE_M_S2_RTHZ,
-    "gyro_bias_walk_rad_s2_rthz": sensors.GYRO_WALK_RAD_S2_RTHZ,
-    "accel_bias_walk_m_s3_rthz": sensors.ACCEL_WALK_M_S3_RTHZ,
-    "accel_bias_sigma_m_s2": sensors.ACCEL_BIAS_M_S2 / math.sqrt(3.0),  # drawn evenly up to the sheet's figure
-    "gyro_scale": math.sqrt(sensors.SCALE_ERROR**2 / 3.0 + 2.0 * sensors.CROSS_ERROR**2 / 3.0) / math.sqrt(3.0),
+    "gyro_bias_walk_rad_s2_rthz": math.hypot(sensors.GYRO_WALK_RAD_S2_RTHZ, WARMING * sensors.GYRO_PER_K_RAD_S),
+    "accel_bias_walk_m_s3_rthz": math.hypot(sensors.ACCEL_WALK_M_S3_RTHZ, WARMING * sensors.ACCEL_PER_K_M_S2),
+    "accel_bias_sigma_m_s2": math.hypot(sensors.ACCEL_BIAS_M_S2, 9.8 * sensors.CROSS_ERROR) / math.sqrt(3.0),
+    "zero_rate_rad_s": 0.001,  # noise of one step; the demo board stands on its legs and does not sway
+    "zero_velocity_m_s": 0.0007,
+    "vibration_hz": 1e4,  # rotors are a line in the spectrum, and noise is told
+    "gyro_scale": sensors.SCALE_ERROR / math.sqrt(3.0),
+    "gyro_cross": sensors.CROSS_ERROR / math.sqrt(3.0),
     "mag_noise_gauss": sensors.MAG_NOISE_GAUSS,
     "mag_bias_sigma_gauss": sensors.HARD_IRON_GAUSS / math.sqrt(3.0),  # of the given length, in any direction
     "mag_bias_walk_gauss_rts": 0.0,

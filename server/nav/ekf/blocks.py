@@ -21,9 +21,11 @@ from server.nav.ekf.states import (
     JITTER,
     MAG_BIAS,
     POS,
+    SCALE,
     WANDER,
     WIND,
     WITH_BARO,
+    WITH_JITTER,
     WITH_MAG,
     WITH_WANDER,
     WITH_WIND,
@@ -108,7 +110,15 @@ def start_wander(x: Float, P: Float, work: Float, sigma_m: float, sigma_d_m: flo
 @kernel("void(float64[::1], float64[::1], float64[::1], float64, float64)")
 def start_jitter(x: Float, P: Float, work: Float, sigma_m: float, sigma_d_m: float) -> None:
     """Activate the quick error of the receiver's position likewise."""
-    work[W_DIM] = float(N)
+    work[W_DIM] = max(work[W_DIM], float(WITH_JITTER))
     for i in range(3):
         x[X_JITTER + i] = 0.0
         reset_axis(P, JITTER + i, sigma_m**2 if i < 2 else sigma_d_m**2)
+
+
+@kernel("void(float64[::1], float64[::1], float64)")
+def start_scale(P: Float, work: Float, sigma: float) -> None:
+    """Activate the gyro's scale errors with the σ told; what was learned of them before is kept."""
+    work[W_DIM] = float(N)
+    for i in range(3):
+        reset_axis(P, SCALE + i, sigma**2)

@@ -22,10 +22,11 @@ from server.nav.ekf.layout import (
     PAR_FIELD_WALK,
     PAR_GNSS_JITTER_TAU,
     PAR_GNSS_WANDER_TAU,
+    PAR_GYRO_CROSS,
     PAR_GYRO_NOISE,
-    PAR_GYRO_SCALE,
     PAR_GYRO_WALK,
     PAR_MAG_BIAS_WALK,
+    PAR_VIBRATION_BANDWIDTH,
     PAR_WIND_WALK,
     U_DT,
     U_DTHETA,
@@ -36,10 +37,12 @@ from server.nav.ekf.layout import (
     W_DIM,
 )
 from server.nav.ekf.states import (
+    ATT,
     BARO,
     FIELD,
     JITTER,
     MAG_BIAS,
+    SCALE,
     WANDER,
     WIND,
     X_ACCEL_BIAS,
@@ -47,6 +50,7 @@ from server.nav.ekf.states import (
     X_JITTER,
     X_POS,
     X_Q,
+    X_SCALE,
     X_VEL,
     X_WANDER,
     packed,
@@ -55,12 +59,8 @@ from server.nav.kernel import kernel
 from server.nav.rotation import matrix_entries, quat_from_rotvec, quat_mul
 from server.nav.types import Float, Int
 
-VIBRATION_BANDWIDTH_HZ: Final = 100.0
-"""Vibration measured over this bandwidth is taken as white: propellers alias into the navigation band. White noise of
-0.5 m/s² at 333 Hz is then over-estimated by 1.8, a board's own 20 Hz low-pass under-estimated by as much."""
-
-TURN_S: Final = 1.0
-"""A turn lasts about this long: an error of the gyro's scale is then taken as noise with that memory."""
+TURN_S: Final = 1.5
+"""A turn lasts about this long: what the gyro feels of it across its axes is taken as noise with that memory."""
 
 
 @kernel("UniTuple(float64, 3)(float64[::1], int64[::1])")
@@ -120,11 +120,11 @@ def predict_columns(P: Float, u: Float, first: int, last: int) -> None:
 def _predict_errors(P: Float, u: Float, par: Float, work: Float) -> None:
     """Advance the covariance; work[:13] holds f, A and dt. A bridged gap adds what may have happened in it."""
     dt, gap = u[U_DT], u[U_GAP_S]
-    shaking = u[U_VIBRATION] * u[U_VIBRATION] / (3.0 * VIBRATION_BANDWIDTH_HZ)
+    shaking = u[U_VIBRATION] * u[U_VIBRATION] / (3.0 * par[PAR_VIBRATION_BANDWIDTH])
     work[13] = par[PAR_GYRO_NOISE] * par[PAR_GYRO_NOISE] * dt + 0.25 * gap * gap
-    if par[PAR_GYRO_SCALE] > 0.0:
+    if par[PAR_GYRO_CROSS] > 0.0:
         turn2 = u[U_GYRO_MEAN] ** 2 + u[U_GYRO_MEAN + 1] ** 2 + u[U_GYRO_MEAN + 2] ** 2
-        work[13] += 2.0 * TURN_S * par[PAR_GYRO_SCALE] * par[PAR_GYRO_SCALE] * turn2 * dt
+        work[13] += 2.0 * TURN_S * par[PAR_GYRO_CROSS] * par[PAR_GYRO_CROSS] * turn2 * dt
     work[14] = (par[PAR_ACCEL_NOISE] * par[PAR_ACCEL_NOISE] + shaking) * dt + 9.0 * gap * gap
     work[15] = 0.0
     work[16] = par[PAR_GYRO_WALK] * par[PAR_GYRO_WALK] * dt
@@ -172,6 +172,32 @@ def fade(P: Float, first: int, n: int, keep: float, drive: float, drive_d: float
     P[packed(first, first)] += drive
     P[packed(first + 1, first + 1)] += drive
     P[packed(first + 2, first + 2)] += drive_d
+
+
+@kernel("void(float64[::1], float64[::1], float64[::1], int64)", contract=True)
+def turn_scale(P: Float, u: Float, dtheta: Float, n: int) -> None:
+    """Advance the attitude's covariances by the gyro's scale errors: δθ ← δθ − A diag(Δθ/dt) δs.
+
+    Args:
+        P: packed lower triangle.
+        u: as `covariance.predict_covariance` takes it; A and dt are read.
+        dtheta: shape (3,), rotation over the step, rad.
+        n: active states.
+    """
+    for i in range(3):
+        for k in range(i + 1):
+            change = 0.0
+            for c in range(3):
+                gi, gk = u[3 + 3 * i + c] * dtheta[c], u[3 + 3 * k + c] * dtheta[c]
+                change -= gi * P[packed(SCALE + c, ATT + k)] + gk * P[packed(SCALE + c, ATT + i)]
+                for d in range(3):
+                    change += gi * u[3 + 3 * k + d] * dtheta[d] * P[packed(SCALE + c, SCALE + d)] / u[12]
+            P[packed(ATT + i, ATT + k)] += change / u[12]
+    for j in range(ATT + 3, n):
+        s0, s1, s2 = P[packed(SCALE, j)], P[packed(SCALE + 1, j)], P[packed(SCALE + 2, j)]
+        for i in range(3):
+            a = u[3 + 3 * i] * dtheta[0] * s0 + u[4 + 3 * i] * dtheta[1] * s1 + u[5 + 3 * i] * dtheta[2] * s2
+            P[packed(ATT + i, j)] -= a / u[12]
 
 
 @kernel("void(float64[::1], float64[::1], float64, float64[::1], float64[::1], int64)")
@@ -223,9 +249,9 @@ def _move(x: Float, u: Float, work: Float, aux: Float, ctl: Int) -> None:
             x[X_POS + 2] -= half * (vd + x[X_VEL + 2])
     # Attitude: body rotation on the right, rotation of the local frame (under 1e-5 rad) on the left.
     t = quat_from_rotvec(
-        u[U_DTHETA] - x[X_GYRO_BIAS] * dt,
-        u[U_DTHETA + 1] - x[X_GYRO_BIAS + 1] * dt,
-        u[U_DTHETA + 2] - x[X_GYRO_BIAS + 2] * dt,
+        u[U_DTHETA] * (1.0 - x[X_SCALE]) - x[X_GYRO_BIAS] * dt,
+        u[U_DTHETA + 1] * (1.0 - x[X_SCALE + 1]) - x[X_GYRO_BIAS + 1] * dt,
+        u[U_DTHETA + 2] * (1.0 - x[X_SCALE + 2]) - x[X_GYRO_BIAS + 2] * dt,
     )
     new = quat_mul(qw, qx, qy, qz, t[0], t[1], t[2], t[3])
     new = quat_mul(1.0, -0.5 * wn * dt, -0.5 * we * dt, -0.5 * wd * dt, new[0], new[1], new[2], new[3])
@@ -250,3 +276,5 @@ def predict(x: Float, P: Float, u: Float, par: Float, aux: Float, ctl: Int, work
     n = int(work[W_DIM])
     if n > BARO:
         _predict_slow(x, P, u[U_DT], par, aux, n)
+    if n > SCALE:
+        turn_scale(P, work, u[U_DTHETA : U_DTHETA + 3], n)

@@ -17,6 +17,7 @@ from server.nav.ekf.layout import (
     A_T_WHEELS,
     C_POSITIONED,
     C_STILL_STEPS,
+    C_VALID,
     H_ACC,
     H_AID,
     H_SIZE,
@@ -41,11 +42,15 @@ HOVER_VELOCITY_M_S: Final = 0.7
 """Without GNSS a hover looks like rest: a drift of 0.1 m/s that lasts for seconds, sampled ten times a second."""
 
 
-@kernel("void(float64[::1], float64[::1], float64)")
-def _pseudo(h: Float, u: Float, aid: float) -> None:
+CONFIRMED_NS: Final = 0.8e9
+"""Rest is believed when it has lasted on for this long: a vehicle that lifts off gently is not held down."""
+
+
+@kernel("void(float64[::1], float64, float64)")
+def _pseudo(h: Float, t_ns: float, aid: float) -> None:
     for i in range(H_SIZE):
         h[i] = 0.0
-    h[H_AID], h[H_T], h[H_STATUS] = aid, u[U_T], UNDECIDED
+    h[H_AID], h[H_T], h[H_STATUS] = aid, t_ns, UNDECIDED
 
 
 @kernel(
@@ -76,12 +81,14 @@ def pseudo_measurements(
     rest(u, par, aux, ctl, gravity_here(x, aux, ctl))
     if ctl[C_POSITIONED] and par[PAR_VEHICLE] == CAR and t - aux[A_T_WHEELS] >= WHEELS_INTERVAL_NS:
         aux[A_T_WHEELS] = t
-        _pseudo(h, u, WHEELS)
+        _pseudo(h, t, WHEELS)
         dirty = attach(h, dirty, t, ctl, work, r_u, r_m, r_n, aids, aid_t)
     if not ctl[C_POSITIONED] and t - aux[A_T_GRAVITY] >= PSEUDO_INTERVAL_NS:
         aux[A_T_GRAVITY] = t
-        _pseudo(h, u, GRAVITY)
+        _pseudo(h, t, GRAVITY)
         dirty = attach(h, dirty, t, ctl, work, r_u, r_m, r_n, aids, aid_t)
+    if ctl[C_VALID] * u[U_DT] * 1e9 <= CONFIRMED_NS + PSEUDO_INTERVAL_NS:
+        return dirty
     if ctl[C_STILL_STEPS] * u[U_DT] < REST_BEFORE_ZERO_S or t - aux[A_T_RATE] < PSEUDO_INTERVAL_NS:
         return dirty
     fresh = t - aux[A_T_GNSS_SEEN] < 2e9
@@ -90,10 +97,10 @@ def pseudo_measurements(
         if speed > STILL_SPEED_M_S or (fresh and aux[A_SPEED_GNSS] > STILL_SPEED_M_S):
             return dirty
         aux[A_T_STILL] = t
-        _pseudo(h, u, ZERO_VELOCITY)
+        _pseudo(h, t - CONFIRMED_NS, ZERO_VELOCITY)
         rolls = par[PAR_VEHICLE] == CAR or par[PAR_VEHICLE] == HAND_HELD
         h[H_ACC] = par[PAR_ZERO_VELOCITY] if fresh or rolls else HOVER_VELOCITY_M_S
         dirty = attach(h, dirty, t, ctl, work, r_u, r_m, r_n, aids, aid_t)
     aux[A_T_RATE] = t
-    _pseudo(h, u, ZERO_RATE)
+    _pseudo(h, t - CONFIRMED_NS, ZERO_RATE)
     return attach(h, dirty, t, ctl, work, r_u, r_m, r_n, aids, aid_t)

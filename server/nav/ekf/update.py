@@ -15,6 +15,7 @@ from server.nav.ekf.states import (
     JITTER,
     MAG_BIAS,
     POS,
+    SCALE,
     VEL,
     WANDER,
     WIND,
@@ -25,6 +26,7 @@ from server.nav.ekf.states import (
     X_JITTER,
     X_MAG_BIAS,
     X_Q,
+    X_SCALE,
     X_VEL,
     X_WANDER,
     X_WIND,
@@ -126,6 +128,7 @@ def inject(x: Float, P: Float, work: Float) -> None:
         x[X_MAG_BIAS + i] += d[MAG_BIAS + i]
         x[X_WANDER + i] += d[WANDER + i]
         x[X_JITTER + i] += d[JITTER + i]
+        x[X_SCALE + i] += d[SCALE + i]
     x[X_WIND] += d[WIND]
     x[X_WIND + 1] += d[WIND + 1]
     x[X_BARO] += d[BARO]

@@ -165,7 +165,16 @@ PARAMETERS: Final = (
     ),
     Parameter(
         name="gyro_scale", unit="", default=0.0, minimum=0.0, maximum=0.1,
-        meaning="Scale and cross-axis errors of the gyro, as a share of the rate; the noise of a class covers them.",
+        meaning="Scale error of the gyro, as a share of the rate; zero leaves it to the noise of the vehicle's class.",
+    ),
+    Parameter(
+        name="gyro_cross", unit="", default=0.0, minimum=0.0, maximum=0.1,
+        meaning="Rotation felt across an axis of the gyro, as a share of the rate; zero leaves it to the noise.",
+    ),
+    Parameter(
+        name="vibration_hz", unit="Hz", default=defaults.VIBRATION_BANDWIDTH_HZ, minimum=10.0, maximum=1e6,
+        meaning="Measured vibration counts as noise spread over this bandwidth; larger where it is a hum that averages "
+        "out.",
     ),
 )  # fmt: skip
 
@@ -180,6 +189,8 @@ AS_GIVEN: Final = {
     at.PAR_ZERO_RATE: "zero_rate_rad_s",
     at.PAR_ZERO_VELOCITY: "zero_velocity_m_s",
     at.PAR_GYRO_SCALE: "gyro_scale",
+    at.PAR_GYRO_CROSS: "gyro_cross",
+    at.PAR_VIBRATION_BANDWIDTH: "vibration_hz",
 }
 
 

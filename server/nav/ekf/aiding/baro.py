@@ -63,8 +63,10 @@ def height(h: Float, x: Float, P: Float, u: Float, par: Float, aux: Float, ctl: 
     work[W_H + POS + 2] = work[W_H + BARO] = -1.0
     own = project(P, work)
     if fresh:
+        noise = aux[A_K_BARO] * par[PAR_BARO_NOISE] ** 2
         excess = (work[W_INNOV] ** 2 - own) / par[PAR_BARO_NOISE] ** 2
-        aux[A_K_BARO] = tracked_ratio(aux[A_K_BARO], excess, LEARN)
+        tells = noise / (own + noise)  # while the height itself is uncertain nothing is learned
+        aux[A_K_BARO] = tracked_ratio(aux[A_K_BARO], excess, LEARN * tells * tells)
         h[H_VAR] = max(FLOOR_M**2, aux[A_K_BARO] * par[PAR_BARO_NOISE] ** 2)
         work[W_VAR] = own + h[H_VAR]
         work[W_RATIO] = work[W_INNOV] ** 2 / (par[PAR_GATE] ** 2 * work[W_VAR])

@@ -54,6 +54,7 @@ from server.nav.ekf.states import (
     POS,
     VEL,
     WANDER,
+    WITH_JITTER,
     X_ACCEL_BIAS,
     X_GYRO_BIAS,
     X_JITTER,
@@ -61,7 +62,6 @@ from server.nav.ekf.states import (
     X_Q,
     X_VEL,
     X_WANDER,
-    N,
     packed,
 )
 from server.nav.ekf.update import clear_row, correction_seen, fuse, project, reset_axis
@@ -238,7 +238,7 @@ def reset_position(h: Float, x: Float, P: Float, u: Float, par: Float, aux: Floa
 
     The receiver's own slow and quick errors, unknown again, are then errors of the position too, reversed.
     """
-    for i in range(WANDER, N):
+    for i in range(WANDER, WITH_JITTER):
         reset_axis(P, i, 0.0)
     _start_slow(h, x, P, par, work)
     for i in range(3):
@@ -265,6 +265,17 @@ def reset_position(h: Float, x: Float, P: Float, u: Float, par: Float, aux: Floa
         aux[A_T_RESET] = h[H_T]
 
 
+@kernel("float64(float64, float64, float64)")
+def _followed(own: float, variance: float, repeats: float) -> float:
+    """Return the covariance of the filter's error with that of a new fix, because it followed those before.
+
+    With gain g and errors alike by ρ from fix to fix, Σ g (1 − g)^(j − 1) ρ^j v over the fixes j before.
+    """
+    alike = (repeats - 1.0) / (repeats + 1.0)
+    gain = own / (own + repeats * variance)
+    return gain * alike * variance / (1.0 - (1.0 - gain) * alike)
+
+
 @kernel("void(float64[::1], float64[::1], float64[::1], float64[::1], float64[::1], int64)")
 def _decide_velocity(h: Float, P: Float, par: Float, aux: Float, work: Float, n: int) -> None:
     """Set status and variances; successive errors are alike, so fewer of them count than there are."""
@@ -282,7 +293,8 @@ def _decide_velocity(h: Float, P: Float, par: Float, aux: Float, work: Float, n:
         h[H_VAR + i] = repeats * max(VELOCITY_FLOOR_M_S**2, k * reported**2)
     _judge(h, par, work, n)
     for i in range(n):
-        own[i] += h[H_VAR + i] / repeats
+        v = h[H_VAR + i] / repeats
+        own[i] += v if not told else v - 2.0 * _followed(own[i], v, repeats)
     if n == 2:
         own[2] = math.nan
 
