@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import math
+from typing import Final
 
 from server.nav.ekf.layout import (
     A_DECLINATION,
@@ -14,8 +15,11 @@ from server.nav.ekf.layout import (
     PAR_MAG_BIAS_SIGMA,
     PAR_WIND_SIGMA,
     W_DIM,
+    W_DX,
+    W_H,
 )
 from server.nav.ekf.states import (
+    ATT,
     BARO,
     FIELD,
     JITTER,
@@ -38,9 +42,11 @@ from server.nav.ekf.states import (
     N,
     packed,
 )
-from server.nav.ekf.update import reset_axis
+from server.nav.ekf.update import clear_row, correction_seen, fuse, inject, project, reset_axis
 from server.nav.kernel import kernel
 from server.nav.types import Float, Int
+
+UNKNOWN_SHARE: Final = 0.05  # error of a field that is only measured, before a model says what it should be
 
 
 @kernel("void(float64[::1], float64[::1], float64[::1], float64[::1], int64[::1])")
@@ -54,7 +60,8 @@ def start_field(x: Float, P: Float, par: Float, aux: Float, ctl: Int) -> None:
     h, d, D = aux[A_FIELD_H], aux[A_FIELD_D], aux[A_DECLINATION]
     c, s = math.cos(D), math.sin(D)
     x[X_FIELD], x[X_FIELD + 1], x[X_FIELD + 2] = h * c, h * s, d
-    share = par[PAR_FIELD_SIGMA] ** 2 * (h * h + d * d)
+    known = par[PAR_FIELD_SIGMA] if ctl[C_HAS_FIELD] else max(UNKNOWN_SHARE, par[PAR_FIELD_SIGMA])
+    share = known**2 * (h * h + d * d)
     across = (par[PAR_DECLINATION_SIGMA] * h) ** 2 if ctl[C_HAS_FIELD] else 0.0
     for i in range(3):
         reset_axis(P, FIELD + i, share)
@@ -71,6 +78,51 @@ def switch_mag_on(x: Float, P: Float, par: Float, aux: Float, ctl: Int, work: Fl
     for i in range(3):
         x[X_MAG_BIAS + i] = 0.0
         reset_axis(P, MAG_BIAS + i, par[PAR_MAG_BIAS_SIGMA] ** 2)
+
+
+@kernel("void(float64[::1], float64[::1], float64, float64)")
+def turn_field(x: Float, P: Float, angle_rad: float, variance: float) -> None:
+    """Turn the Earth field about down by the declination just learned; the heading has been turned by it already.
+
+    The declination's error is one error of both, so it changes nothing that the magnetometer sees.
+    """
+    c, s = math.cos(angle_rad), math.sin(angle_rad)
+    n, e = x[X_FIELD], x[X_FIELD + 1]
+    x[X_FIELD], x[X_FIELD + 1] = c * n - s * e, s * n + c * e
+    nn, ne, ee = P[packed(FIELD, FIELD)], P[packed(FIELD, FIELD + 1)], P[packed(FIELD + 1, FIELD + 1)]
+    for j in range(N):
+        if j != FIELD and j != FIELD + 1:
+            a, b = P[packed(FIELD, j)], P[packed(FIELD + 1, j)]
+            P[packed(FIELD, j)], P[packed(FIELD + 1, j)] = c * a - s * b, s * a + c * b
+    P[packed(FIELD, FIELD)] = c * c * nn - 2.0 * c * s * ne + s * s * ee
+    P[packed(FIELD, FIELD + 1)] = c * s * (nn - ee) + (c * c - s * s) * ne
+    P[packed(FIELD + 1, FIELD + 1)] = s * s * nn + 2.0 * c * s * ne + c * c * ee
+    gn, ge = -x[X_FIELD + 1], x[X_FIELD]
+    P[packed(ATT + 2, ATT + 2)] += variance
+    P[packed(FIELD, ATT + 2)] += gn * variance
+    P[packed(FIELD + 1, ATT + 2)] += ge * variance
+    P[packed(FIELD, FIELD)] += gn * gn * variance
+    P[packed(FIELD + 1, FIELD)] += gn * ge * variance
+    P[packed(FIELD + 1, FIELD + 1)] += ge * ge * variance
+
+
+@kernel("void(float64[::1], float64[::1], float64[::1], float64[::1], float64[::1])")
+def fuse_field_model(x: Float, P: Float, par: Float, aux: Float, work: Float) -> None:
+    """Correct the field towards the model's strength, horizontal and down, as far as the model's σ allows."""
+    c, s = math.cos(aux[A_DECLINATION]), math.sin(aux[A_DECLINATION])
+    h, d = aux[A_FIELD_H], aux[A_FIELD_D]
+    variance = par[PAR_FIELD_SIGMA] ** 2 * (h * h + d * d) + 1e-12
+    for i in range(N):
+        work[W_DX + i] = 0.0
+    clear_row(work)
+    work[W_H + FIELD], work[W_H + FIELD + 1] = c, s
+    total = project(P, work) + variance
+    fuse(P, work, h - c * x[X_FIELD] - s * x[X_FIELD + 1], total)
+    clear_row(work)
+    work[W_H + FIELD + 2] = 1.0
+    total = project(P, work) + variance
+    fuse(P, work, d - x[X_FIELD + 2] - correction_seen(work), total)
+    inject(x, P, work)
 
 
 @kernel("void(float64[::1], float64[::1], float64[::1], float64[::1])")

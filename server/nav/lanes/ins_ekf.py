@@ -10,9 +10,9 @@ import numpy as np
 from server.nav.ekf import defaults
 from server.nav.ekf import layout as at
 from server.nav.ekf.align import turn_about_down
-from server.nav.ekf.blocks import start_field
+from server.nav.ekf.blocks import fuse_field_model, start_field, turn_field
 from server.nav.ekf.run import run
-from server.nav.ekf.states import ATT, FIELD, INERTIAL, PACKED, POS, WITH_MAG, X_POS, X_Q, X_SIZE, packed
+from server.nav.ekf.states import FIELD, INERTIAL, PACKED, POS, X_POS, X_Q, X_SIZE, packed
 from server.nav.lanes.base import LaneContext, LaneResult, Parameter, Provides
 from server.nav.types import (
     AID_COLUMNS,
@@ -278,25 +278,20 @@ class InsEkf:
             north, east, down = site.field_n_gauss
             aux[at.A_DECLINATION], aux[at.A_FIELD_D] = site.declination_rad, down
             aux[at.A_FIELD_H], ctl[at.C_HAS_FIELD] = math.hypot(north, east), 1
-            if self._work[at.W_DIM] >= WITH_MAG:
-                start_field(self._x, self._P, self._par, aux, ctl)
-            if ctl[at.C_MODE] != LaneStatus.ALIGNING and magnetic:
+            if ctl[at.C_MODE] == LaneStatus.ALIGNING or not magnetic:
+                if self._P[packed(FIELD, FIELD)] > 0.0:
+                    start_field(self._x, self._P, self._par, aux, ctl)
+            else:
                 turn_about_down(self._x, self._P, site.declination_rad)
-                self._couple_declination(site)
+                variance = self._par[at.PAR_DECLINATION_SIGMA] ** 2
+                turn_field(self._x, self._P, site.declination_rad, variance)
+                fuse_field_model(self._x, self._P, self._par, aux, self._work)
                 self._pending.append(
                     self._event(at.E_YAW_RESET, self._r_u[self._newest(), 0], site.declination_rad, 0.0)
                 )
         if ctl[at.C_VALID] > 0:  # what is older was held in the other frame and cannot be re-run
             self._r_x[self._newest()], self._r_P[self._newest()] = self._x, self._P
             ctl[at.C_VALID] = 1
-
-    def _couple_declination(self, site: Site) -> None:
-        """Say that the heading is now the magnetic one plus a declination with its own error."""
-        P, D = self._P, site.declination_rad
-        variance = self._par[at.PAR_DECLINATION_SIGMA] ** 2
-        across = variance * self._aux[at.A_FIELD_H]
-        P[packed(ATT + 2, FIELD)], P[packed(ATT + 2, FIELD + 1)] = -math.sin(D) * across, math.cos(D) * across
-        P[packed(ATT + 2, ATT + 2)] += variance
 
     def covariance(self) -> tuple[int, Float] | None:
         """Return (t_ns, P) of the newest row, P (9, 9) over attitude rad, velocity m/s, position m, NED; None before."""

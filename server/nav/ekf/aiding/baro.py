@@ -63,7 +63,7 @@ def height(h: Float, x: Float, P: Float, u: Float, par: Float, aux: Float, ctl: 
     work[W_H + POS + 2] = work[W_H + BARO] = -1.0
     own = project(P, work)
     if fresh:
-        noise = aux[A_K_BARO] * par[PAR_BARO_NOISE] ** 2
+        noise = par[PAR_BARO_NOISE] ** 2
         excess = (work[W_INNOV] ** 2 - own) / par[PAR_BARO_NOISE] ** 2
         tells = noise / (own + noise)  # while the height itself is uncertain nothing is learned
         aux[A_K_BARO] = tracked_ratio(aux[A_K_BARO], excess, LEARN * tells * tells)
