@@ -16,20 +16,32 @@ LANE: Final = "ins_ekf"
 EPOCH_S: Final = 0.5
 WIND_M_S: Final = 8.0
 """The mean wind of a flight is drawn evenly up to here: a fresh breeze, the most a 2 kg multirotor is flown in."""
-LEARNED_S: Final = 12.0
-WARMING: Final = (
-    (sensors.WARM_DEGC - sensors.COLD_DEGC) / sensors.WARM_UP_S * math.sqrt(LEARNED_S) / math.sqrt(3.0)
-)  # K/s·√s
-"""A bias that runs with the temperature, K/s times a factor drawn evenly up to the sheet's, is told as the random walk
-that goes as far in the time over which a bias is learned."""
+WARMING_K_S: Final = (sensors.WARM_DEGC - sensors.COLD_DEGC) / sensors.WARM_UP_S / math.sqrt(3.0)
+"""How fast the demo board warms up, over the root of three: a sheet's figure per kelvin is a limit, drawn evenly."""
+GYRO_LEARNED_S: Final = 30.0
+ACCEL_LEARNED_S: Final = 12.0
+"""A bias that runs with the temperature is told as the random walk that goes as far in the time over which the filter
+learns it: from the heading, the slower one, and from the velocity."""
+STEP_S: Final = 0.02
+
+
+def _walk(density: float, per_k: float, learned_s: float) -> float:
+    """Return the random walk of a bias with the warming-up in it."""
+    return math.hypot(density, WARMING_K_S * per_k * math.sqrt(learned_s))
+
+
 SHEET: Final = {
     "gyro_noise_rad_s_rthz": sensors.GYRO_NOISE_RAD_S_RTHZ,
     "accel_noise_m_s2_rthz": sensors.ACCEL_NOISE_M_S2_RTHZ,
-    "gyro_bias_walk_rad_s2_rthz": math.hypot(sensors.GYRO_WALK_RAD_S2_RTHZ, WARMING * sensors.GYRO_PER_K_RAD_S),
-    "accel_bias_walk_m_s3_rthz": math.hypot(sensors.ACCEL_WALK_M_S3_RTHZ, WARMING * sensors.ACCEL_PER_K_M_S2),
+    "gyro_bias_walk_rad_s2_rthz": _walk(
+        sensors.GYRO_WALK_RAD_S2_RTHZ, sensors.GYRO_PER_K_RAD_S, GYRO_LEARNED_S
+    ),
+    "accel_bias_walk_m_s3_rthz": _walk(
+        sensors.ACCEL_WALK_M_S3_RTHZ, sensors.ACCEL_PER_K_M_S2, ACCEL_LEARNED_S
+    ),
     "accel_bias_sigma_m_s2": math.hypot(sensors.ACCEL_BIAS_M_S2, 9.8 * sensors.CROSS_ERROR) / math.sqrt(3.0),
-    "zero_rate_rad_s": 0.001,  # noise of one step; the demo board stands on its legs and does not sway
-    "zero_velocity_m_s": 0.0007,
+    "zero_rate_rad_s": sensors.GYRO_NOISE_RAD_S_RTHZ / math.sqrt(STEP_S),  # the demo board does not sway on its legs
+    "zero_velocity_m_s": 0.0004,
     "vibration_hz": 1e4,  # rotors are a line in the spectrum, and noise is told
     "gyro_scale": sensors.SCALE_ERROR / math.sqrt(3.0),
     "gyro_cross": sensors.CROSS_ERROR / math.sqrt(3.0),

@@ -9,7 +9,7 @@ import pytest
 from server.nav.ekf import covariance, derivation
 from server.nav.ekf import layout as at
 from server.nav.ekf.covariance import predict_covariance
-from server.nav.ekf.predict import fade, predict, predict_columns, turn_scale
+from server.nav.ekf.predict import fade, predict, predict_columns, turn_mix
 from server.nav.ekf.states import (
     ACCEL_BIAS,
     ATT,
@@ -17,9 +17,9 @@ from server.nav.ekf.states import (
     GYRO_BIAS,
     INERTIAL,
     JITTER,
+    MIX,
     PACKED,
     POS,
-    SCALE,
     VEL,
     WANDER,
     WITH_BARO,
@@ -107,13 +107,13 @@ def test_a_block_that_was_never_started_does_not_come_by_noise():
     np.testing.assert_array_equal(out, P[LOWER])
 
 
-def test_scale_errors_turn_the_attitude_as_in_dense_algebra():
+def test_errors_of_the_gyros_scale_and_axes_turn_the_attitude_as_in_dense_algebra():
     rng = np.random.default_rng(8)
     P, u, dtheta = random_covariance(rng), rng.normal(size=18), rng.normal(size=3)
     F = np.eye(N)
-    F[ATT : ATT + 3, SCALE : SCALE + 3] = -u[3:12].reshape(3, 3) @ np.diag(dtheta) / u[12]
+    F[ATT : ATT + 3, MIX : MIX + 9] = -u[3:12].reshape(3, 3) @ np.kron(np.eye(3), dtheta) / u[12]
     out = P[LOWER].copy()
-    turn_scale(out, u, dtheta, N)
+    turn_mix(out, u, dtheta, N)
     np.testing.assert_allclose(out, (F @ P @ F.T)[LOWER], rtol=1e-11, atol=1e-11)
 
 
@@ -164,7 +164,8 @@ def test_two_scalar_updates_equal_one_vector_update_in_joseph_form():
 def test_a_day_of_predictions_and_updates_stays_positive_definite():
     """86,400 s at 10 Hz with exact position updates: the hardest case for rounding."""
     rng = np.random.default_rng(5)
-    P = np.diag([*np.repeat([1e-4, 1.0, 1.0, 1e-6, 1e-3, 1e-4, 1e-4], 3), 9.0, 9.0, 4.0, *[0.1] * 6, *[1e-6] * 3])[LOWER].copy()
+    sigma2 = [*np.repeat([1e-4, 1.0, 1.0, 1e-6, 1e-3, 1e-4, 1e-4], 3), 9.0, 9.0, 4.0, *[0.1] * 6, *[1e-6] * 9]
+    P = np.diag(sigma2)[LOWER].copy()
     work, u = np.zeros(at.W_SIZE), np.zeros(18)
     work[at.W_DIM] = N
     u[12], u[13:18] = 0.1, [1e-8, 1e-5, 0.0, 1e-9, 1e-8]

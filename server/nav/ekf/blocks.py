@@ -24,8 +24,8 @@ from server.nav.ekf.states import (
     FIELD,
     JITTER,
     MAG_BIAS,
+    MIX,
     POS,
-    SCALE,
     WANDER,
     WIND,
     WITH_BARO,
@@ -168,9 +168,9 @@ def start_jitter(x: Float, P: Float, work: Float, sigma_m: float, sigma_d_m: flo
         reset_axis(P, JITTER + i, sigma_m**2 if i < 2 else sigma_d_m**2)
 
 
-@kernel("void(float64[::1], float64[::1], float64)")
-def start_scale(P: Float, work: Float, sigma: float) -> None:
-    """Activate the gyro's scale errors with the σ told; what was learned of them before is kept."""
+@kernel("void(float64[::1], float64[::1], float64, float64)")
+def start_mix(P: Float, work: Float, scale: float, cross: float) -> None:
+    """Activate the errors of the gyro's scale and axes with the σ told; what was learned of them before is kept."""
     work[W_DIM] = float(N)
-    for i in range(3):
-        reset_axis(P, SCALE + i, sigma**2)
+    for i in range(9):
+        reset_axis(P, MIX + i, scale**2 if i % 4 == 0 else cross**2)

@@ -77,7 +77,7 @@ PAR_GNSS_SPEED: Final = 44  # m/s per axis; NaN: learned from the innovations
 PAR_GNSS_SPEED_TAU: Final = 45  # s, of a velocity error that is told
 PAR_ZERO_RATE: Final = 46  # rad/s
 PAR_ZERO_VELOCITY: Final = 47  # m/s
-PAR_GYRO_SCALE: Final = 48  # σ of the scale errors, a share of the rate; 0 = no such states
+PAR_GYRO_SCALE: Final = 48  # σ of the scale errors, a share of the rate; 0 with no cross-axis ones = no such states
 PAR_GYRO_CROSS: Final = 49  # σ of the cross-axis errors, likewise
 PAR_VIBRATION_BANDWIDTH: Final = 50  # Hz over which measured vibration is white
 PAR_SIZE: Final = 51
@@ -155,9 +155,9 @@ W_VAR: Final = 96
 W_RATIO: Final = 99
 W_DIM: Final = 100  # error states that are active (`states`); not scratch: set when a block is switched on
 W_H: Final = 128  # (N) one row of H
-W_PH: Final = 164  # (N) P Hᵀ
-W_DX: Final = 200  # (N) correction collected over one measurement
-W_SIZE: Final = 236
+W_PH: Final = 168  # (N) P Hᵀ
+W_DX: Final = 208  # (N) correction collected over one measurement
+W_SIZE: Final = 248
 
 # Events the kernel reports: code, time ns, size, second size.
 E_ALIGNED: Final = 1  # heading sigma rad, tilt sigma rad

@@ -3,7 +3,6 @@
 from __future__ import annotations
 
 import math
-from typing import Final
 
 from server.nav.constants import EARTH_RATE_RAD_S
 from server.nav.earth import curvature_radii, gravity_and_radii, normal_gravity
@@ -22,7 +21,6 @@ from server.nav.ekf.layout import (
     PAR_FIELD_WALK,
     PAR_GNSS_JITTER_TAU,
     PAR_GNSS_WANDER_TAU,
-    PAR_GYRO_CROSS,
     PAR_GYRO_NOISE,
     PAR_GYRO_WALK,
     PAR_MAG_BIAS_WALK,
@@ -32,7 +30,6 @@ from server.nav.ekf.layout import (
     U_DTHETA,
     U_DVEL,
     U_GAP_S,
-    U_GYRO_MEAN,
     U_VIBRATION,
     W_DIM,
 )
@@ -42,15 +39,15 @@ from server.nav.ekf.states import (
     FIELD,
     JITTER,
     MAG_BIAS,
-    SCALE,
+    MIX,
     WANDER,
     WIND,
     X_ACCEL_BIAS,
     X_GYRO_BIAS,
     X_JITTER,
+    X_MIX,
     X_POS,
     X_Q,
-    X_SCALE,
     X_VEL,
     X_WANDER,
     packed,
@@ -58,9 +55,6 @@ from server.nav.ekf.states import (
 from server.nav.kernel import kernel
 from server.nav.rotation import matrix_entries, quat_from_rotvec, quat_mul
 from server.nav.types import Float, Int
-
-TURN_S: Final = 1.5
-"""A turn lasts about this long: what the gyro feels of it across its axes is taken as noise with that memory."""
 
 
 @kernel("UniTuple(float64, 3)(float64[::1], int64[::1])")
@@ -122,9 +116,6 @@ def _predict_errors(P: Float, u: Float, par: Float, work: Float) -> None:
     dt, gap = u[U_DT], u[U_GAP_S]
     shaking = u[U_VIBRATION] * u[U_VIBRATION] / (3.0 * par[PAR_VIBRATION_BANDWIDTH])
     work[13] = par[PAR_GYRO_NOISE] * par[PAR_GYRO_NOISE] * dt + 0.25 * gap * gap
-    if par[PAR_GYRO_CROSS] > 0.0:
-        turn2 = u[U_GYRO_MEAN] ** 2 + u[U_GYRO_MEAN + 1] ** 2 + u[U_GYRO_MEAN + 2] ** 2
-        work[13] += 2.0 * TURN_S * par[PAR_GYRO_CROSS] * par[PAR_GYRO_CROSS] * turn2 * dt
     work[14] = (par[PAR_ACCEL_NOISE] * par[PAR_ACCEL_NOISE] + shaking) * dt + 9.0 * gap * gap
     work[15] = 0.0
     work[16] = par[PAR_GYRO_WALK] * par[PAR_GYRO_WALK] * dt
@@ -174,9 +165,21 @@ def fade(P: Float, first: int, n: int, keep: float, drive: float, drive_d: float
     P[packed(first + 2, first + 2)] += drive_d
 
 
+@kernel("float64(float64[::1], float64[::1], float64[::1], int64, int64)", contract=True)
+def _turned(P: Float, u: Float, dtheta: Float, i: int, j: int) -> float:
+    """Return how far the errors of the gyro's scale and axes turn the attitude about axis i, times state j."""
+    total = 0.0
+    for r in range(3):
+        felt = 0.0
+        for c in range(3):
+            felt += dtheta[c] * P[packed(MIX + 3 * r + c, j)]
+        total += u[3 + 3 * i + r] * felt
+    return total / u[12]
+
+
 @kernel("void(float64[::1], float64[::1], float64[::1], int64)", contract=True)
-def turn_scale(P: Float, u: Float, dtheta: Float, n: int) -> None:
-    """Advance the attitude's covariances by the gyro's scale errors: δθ ← δθ − A diag(Δθ/dt) δs.
+def turn_mix(P: Float, u: Float, dtheta: Float, n: int) -> None:
+    """Advance the attitude's covariances by the errors δM of the gyro's scale and axes: δθ ← δθ − (A/dt) δM Δθ.
 
     Args:
         P: packed lower triangle.
@@ -185,19 +188,16 @@ def turn_scale(P: Float, u: Float, dtheta: Float, n: int) -> None:
         n: active states.
     """
     for i in range(3):
+        for j in range(ATT + 3, n):
+            P[packed(ATT + i, j)] -= _turned(P, u, dtheta, i, j)
+    # The covariances of δM itself with the attitude now hold the new one: take half of what they changed by back.
+    for i in range(3):
         for k in range(i + 1):
-            change = 0.0
-            for c in range(3):
-                gi, gk = u[3 + 3 * i + c] * dtheta[c], u[3 + 3 * k + c] * dtheta[c]
-                change -= gi * P[packed(SCALE + c, ATT + k)] + gk * P[packed(SCALE + c, ATT + i)]
-                for d in range(3):
-                    change += gi * u[3 + 3 * k + d] * dtheta[d] * P[packed(SCALE + c, SCALE + d)] / u[12]
-            P[packed(ATT + i, ATT + k)] += change / u[12]
-    for j in range(ATT + 3, n):
-        s0, s1, s2 = P[packed(SCALE, j)], P[packed(SCALE + 1, j)], P[packed(SCALE + 2, j)]
-        for i in range(3):
-            a = u[3 + 3 * i] * dtheta[0] * s0 + u[4 + 3 * i] * dtheta[1] * s1 + u[5 + 3 * i] * dtheta[2] * s2
-            P[packed(ATT + i, j)] -= a / u[12]
+            P[packed(ATT + i, ATT + k)] -= _turned(P, u, dtheta, i, ATT + k) + _turned(P, u, dtheta, k, ATT + i)
+            for r in range(3):
+                for c in range(3):
+                    g = u[3 + 3 * k + r] * dtheta[c] / u[12]
+                    P[packed(ATT + i, ATT + k)] -= g * _turned(P, u, dtheta, i, MIX + 3 * r + c)
 
 
 @kernel("void(float64[::1], float64[::1], float64, float64[::1], float64[::1], int64)")
@@ -248,10 +248,11 @@ def _move(x: Float, u: Float, work: Float, aux: Float, ctl: Int) -> None:
             x[X_POS] += half * (vn + x[X_VEL]) / (meridian + height)
             x[X_POS + 2] -= half * (vd + x[X_VEL + 2])
     # Attitude: body rotation on the right, rotation of the local frame (under 1e-5 rad) on the left.
+    rx, ry, rz = u[U_DTHETA], u[U_DTHETA + 1], u[U_DTHETA + 2]
     t = quat_from_rotvec(
-        u[U_DTHETA] * (1.0 - x[X_SCALE]) - x[X_GYRO_BIAS] * dt,
-        u[U_DTHETA + 1] * (1.0 - x[X_SCALE + 1]) - x[X_GYRO_BIAS + 1] * dt,
-        u[U_DTHETA + 2] * (1.0 - x[X_SCALE + 2]) - x[X_GYRO_BIAS + 2] * dt,
+        rx - x[X_MIX] * rx - x[X_MIX + 1] * ry - x[X_MIX + 2] * rz - x[X_GYRO_BIAS] * dt,
+        ry - x[X_MIX + 3] * rx - x[X_MIX + 4] * ry - x[X_MIX + 5] * rz - x[X_GYRO_BIAS + 1] * dt,
+        rz - x[X_MIX + 6] * rx - x[X_MIX + 7] * ry - x[X_MIX + 8] * rz - x[X_GYRO_BIAS + 2] * dt,
     )
     new = quat_mul(qw, qx, qy, qz, t[0], t[1], t[2], t[3])
     new = quat_mul(1.0, -0.5 * wn * dt, -0.5 * we * dt, -0.5 * wd * dt, new[0], new[1], new[2], new[3])
@@ -276,5 +277,5 @@ def predict(x: Float, P: Float, u: Float, par: Float, aux: Float, ctl: Int, work
     n = int(work[W_DIM])
     if n > BARO:
         _predict_slow(x, P, u[U_DT], par, aux, n)
-    if n > SCALE:
-        turn_scale(P, work, u[U_DTHETA : U_DTHETA + 3], n)
+    if n > MIX:
+        turn_mix(P, work, u[U_DTHETA : U_DTHETA + 3], n)

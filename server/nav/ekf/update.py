@@ -14,8 +14,8 @@ from server.nav.ekf.states import (
     GYRO_BIAS,
     JITTER,
     MAG_BIAS,
+    MIX,
     POS,
-    SCALE,
     VEL,
     WANDER,
     WIND,
@@ -25,8 +25,8 @@ from server.nav.ekf.states import (
     X_GYRO_BIAS,
     X_JITTER,
     X_MAG_BIAS,
+    X_MIX,
     X_Q,
-    X_SCALE,
     X_VEL,
     X_WANDER,
     X_WIND,
@@ -128,10 +128,11 @@ def inject(x: Float, P: Float, work: Float) -> None:
         x[X_MAG_BIAS + i] += d[MAG_BIAS + i]
         x[X_WANDER + i] += d[WANDER + i]
         x[X_JITTER + i] += d[JITTER + i]
-        x[X_SCALE + i] += d[SCALE + i]
     x[X_WIND] += d[WIND]
     x[X_WIND + 1] += d[WIND + 1]
     x[X_BARO] += d[BARO]
+    for i in range(9):
+        x[X_MIX + i] += d[MIX + i]
     move_position(x, d[POS], d[POS + 1], d[POS + 2])
     for i in range(N):
         d[i] = 0.0

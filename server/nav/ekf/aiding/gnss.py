@@ -73,7 +73,8 @@ LEARN: Final = 0.05
 """Weight of one fix in the tracked ratio: a memory of 20 fixes, 4 s at 5 Hz."""
 K_MIN: Final = 0.0004  # a fiftieth of the reported standard deviation
 K_MAX: Final = 400.0
-POSITION_FLOOR_M: Final = 0.005  # rounding to 1e-7 degrees, 11 mm, is 3 mm RMS
+ROUNDING_M: Final = 0.003  # 1e-7 degrees, 11 mm, over √12
+POSITION_FLOOR_M: Final = 0.005
 VELOCITY_FLOOR_M_S: Final = 0.01  # resolution of centimetres a second
 BARO_FRESH_NS: Final = 2e9
 RESET_SPEED_M_S: Final = 10.0
@@ -126,7 +127,8 @@ def _learn(h: Float, own: Float, aux: Float, work: Float, first: int, n: int, k_
     for i in range(first, first + n):
         excess += (work[W_INNOV + i] ** 2 - own[i]) / (n * h[H_ACC + i] ** 2)
     aux[k_index] = tracked_ratio(aux[k_index], excess, LEARN)
-    return float(aux[k_index])
+    k: float = aux[k_index]
+    return k
 
 
 @kernel("void(float64[::1], float64[::1], float64[::1], int64)")
@@ -182,8 +184,8 @@ def _decide_position(h: Float, P: Float, par: Float, aux: Float, ctl: Int, work:
         own[i] = project(P, work)
     if math.isfinite(par[PAR_GNSS_JITTER]):
         white = 0.0 if par[PAR_GNSS_JITTER_TAU] > 0.0 else par[PAR_GNSS_JITTER] ** 2
-        v0 = v1 = floor + white
-        v2, weighted = floor + white * _down_ratio(h) ** 2, 1.0
+        v0 = v1 = ROUNDING_M**2 + white
+        v2, weighted = ROUNDING_M**2 + white * _down_ratio(h) ** 2, 1.0
     else:
         k = _learn(h, own, aux, work, 0, 2, A_K_POS)
         v0, v1 = max(floor, k * h[H_ACC] ** 2), max(floor, k * h[H_ACC + 1] ** 2)
@@ -273,7 +275,7 @@ def _followed(own: float, variance: float, repeats: float) -> float:
     """
     alike = (repeats - 1.0) / (repeats + 1.0)
     gain = own / (own + repeats * variance)
-    return gain * alike * variance / (1.0 - (1.0 - gain) * alike)
+    return float(gain * alike * variance / (1.0 - (1.0 - gain) * alike))
 
 
 @kernel("void(float64[::1], float64[::1], float64[::1], float64[::1], float64[::1], int64)")

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import math
+
 from server.nav.codes import FUSED
 from server.nav.ekf.layout import (
     H_ACC,
@@ -27,6 +28,7 @@ from server.nav.ekf.update import clear_row, correction_seen, fuse, project
 from server.nav.kernel import kernel
 from server.nav.rotation import matrix_entries
 from server.nav.types import Float, Int
+
 
 @kernel("void(float64[::1], float64[::1], float64[::1], int64, float64, float64)")
 def _record(h: Float, P: Float, work: Float, axis: int, observed: float, predicted: float) -> None:
