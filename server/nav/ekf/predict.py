@@ -168,13 +168,13 @@ def fade(P: Float, first: int, n: int, keep: float, drive: float, drive_d: float
 @kernel("float64(float64[::1], float64[::1], float64[::1], int64, int64)", contract=True)
 def _turned(P: Float, u: Float, dtheta: Float, i: int, j: int) -> float:
     """Return how far the errors of the gyro's scale and axes turn the attitude about axis i, times state j."""
-    total = 0.0
+    total: float = 0.0
     for r in range(3):
         felt = 0.0
         for c in range(3):
             felt += dtheta[c] * P[packed(MIX + 3 * r + c, j)]
         total += u[3 + 3 * i + r] * felt
-    return total / u[12]
+    return float(total / u[12])
 
 
 @kernel("void(float64[::1], float64[::1], float64[::1], int64)", contract=True)
@@ -190,7 +190,7 @@ def turn_mix(P: Float, u: Float, dtheta: Float, n: int) -> None:
     for i in range(3):
         for j in range(ATT + 3, n):
             P[packed(ATT + i, j)] -= _turned(P, u, dtheta, i, j)
-    # The covariances of δM itself with the attitude now hold the new one: take half of what they changed by back.
+    # The covariances of δM with the attitude are the new ones already, so the part quadratic in δM counts once too often.
     for i in range(3):
         for k in range(i + 1):
             P[packed(ATT + i, ATT + k)] -= _turned(P, u, dtheta, i, ATT + k) + _turned(P, u, dtheta, k, ATT + i)

@@ -3,10 +3,11 @@
 Error state: the attitude error is a small rotation vector in NED, q_true = Exp(δθ_n) ⊗ q_nominal, so its third
 component is the heading error itself; every other error is true minus nominal. Fifteen states of the inertial error
 model come first, then the magnetic block (Earth field and the bias fixed to the body), then the wind: the 23 states
-of the model of the vehicle. On top come the sensors' own slow errors: the datum of the baro, the error of a stand-alone
-receiver that lasts for a minute (ionosphere, orbits, multipath) and, where their data are told, the receiver's quicker
-error of about a second and the gyro's scale and axes. A filter without them follows such an error, and no variance it computes knows of it; kept as states
-[Bar-Shalom 2001, § 8.2: coloured measurement noise], P holds everything and σ is taken from it as it is.
+of the model of the vehicle. On top come the sensors' own slow errors: the datum of the baro, the error of a stand-
+alone receiver that lasts for a minute (ionosphere, orbits, multipath) and, where their data are told, the receiver's
+quicker error of about a second and the gyro's scale and axes. A filter without them follows such an error, and no
+variance it computes knows of it; kept as states [Bar-Shalom 2001, § 8.2: coloured measurement noise], P holds
+everything and σ is taken from it as it is.
 
 The covariance is packed row by row of its lower triangle, so a filter without the later blocks is a prefix of the same
 array and pays nothing for them: `work[W_DIM]` says how many states are active. A block inside the prefix that is not

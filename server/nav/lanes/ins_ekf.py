@@ -294,7 +294,7 @@ class InsEkf:
             ctl[at.C_VALID] = 1
 
     def covariance(self) -> tuple[int, Float] | None:
-        """Return (t_ns, P) of the newest row, P (9, 9) over attitude rad, velocity m/s, position m, NED; None before."""
+        """Return (t_ns, P) of the newest row, P (9, 9): attitude rad, velocity m/s, position m, NED; None before."""
         if self._ctl[at.C_MODE] == LaneStatus.ALIGNING:
             return None
         P = np.zeros((POS + 3, POS + 3))

@@ -6,10 +6,10 @@ import math
 from typing import Final
 
 import numpy as np
+from server.nav.kernel import kernel
 
 from server.nav.codes import ATTITUDE, NAVIGATING
 from server.nav.earth import ned_from_lla
-from server.nav.kernel import kernel
 from server.nav.types import LANE_COLUMNS, Float, Kind, LaneRows, SampleBlock, Site
 
 SOURCE: Final = {"onboard": Kind.ONBOARD, "reference": Kind.REFERENCE}

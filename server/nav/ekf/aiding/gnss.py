@@ -160,7 +160,7 @@ def observe(h: Float, P: Float, work: Float, axis: int) -> None:
 @kernel("float64(float64[::1])")
 def _down_ratio(h: Float) -> float:
     """Return the receiver's own ratio of its error down to that of one horizontal axis."""
-    return math.sqrt(2.0) * h[H_ACC + 2] / h[H_ACC]
+    return float(math.sqrt(2.0) * h[H_ACC + 2] / h[H_ACC])
 
 
 @kernel("void(float64[::1], float64[::1], float64[::1], float64[::1], float64[::1])")
