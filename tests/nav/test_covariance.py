@@ -9,7 +9,7 @@ import pytest
 from server.nav.ekf import covariance, derivation
 from server.nav.ekf import layout as at
 from server.nav.ekf.covariance import predict_covariance
-from server.nav.ekf.predict import fade, predict, predict_columns, turn_mix
+from server.nav.ekf.predict import fade, predict, predict_columns, predict_slow, turn_mix
 from server.nav.ekf.states import (
     ACCEL_BIAS,
     ATT,
@@ -128,6 +128,7 @@ def test_a_receivers_slow_error_settles_at_its_long_term_variance_and_forgets_it
     P[packed(WANDER + 2, WANDER + 2)] = 1e-4
     for _ in range(120):
         predict(x, P, u, par, aux, ctl, work)
+        predict_slow(x, P, u, par, aux, work)
     np.testing.assert_allclose(x[X_WANDER : X_WANDER + 3], np.array([1.0, -2.0, 3.0]) * np.exp(-1.0), rtol=1e-9)
     left = np.exp(-2.0)
     np.testing.assert_allclose(P[packed(WANDER, WANDER)], left * 1e-4 + (1 - left) * 0.25, rtol=1e-9)

@@ -11,7 +11,7 @@ from __future__ import annotations
 from server.nav.codes import REFUSED_STALE
 from server.nav.ekf.handle import clear_record, handle, record
 from server.nav.ekf.layout import C_HEAD, C_OVERFLOW, C_VALID, H_AID, H_SIZE, H_T, SLOT_MEASUREMENTS, U_T, W_DIM
-from server.nav.ekf.predict import predict
+from server.nav.ekf.predict import predict, predict_slow
 from server.nav.kernel import kernel
 from server.nav.types import Float, Int
 
@@ -124,6 +124,7 @@ def rerun(
         slot = k % size
         if k > dirty:
             predict(x, P, r_u[slot], par, aux, ctl, work)
+            predict_slow(x, P, r_u[slot], par, aux, work)
             copy(x, r_x[slot], x.shape[0])
             copy(P, r_P[slot], active(work))  # a measurement may have switched a block on
         for i in range(r_n[slot]):

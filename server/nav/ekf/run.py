@@ -44,7 +44,7 @@ from server.nav.ekf.layout import (
     U_GAP_S,
     U_T,
 )
-from server.nav.ekf.predict import predict
+from server.nav.ekf.predict import predict, predict_slow
 from server.nav.ekf.pseudo import pseudo_measurements
 from server.nav.ekf.publish import publish
 from server.nav.ekf.states import ATT, POS, VEL, X_POS, X_Q, X_SIZE, X_VEL, packed
@@ -150,6 +150,7 @@ def run(
                 push(u, x, P, ctl, work, r_u, r_x, r_P, r_n)
         else:
             predict(x, P, u, par, aux, ctl, work)
+            predict_slow(x, P, u, par, aux, work)
             if not ctl[C_POSITIONED]:
                 for i in range(3):
                     x[X_VEL + i] = 0.0

@@ -12,23 +12,17 @@ from server.nav.ekf.states import (
     BARO,
     FIELD,
     GYRO_BIAS,
-    JITTER,
     MAG_BIAS,
-    MIX,
     POS,
     VEL,
-    WANDER,
     WIND,
     X_ACCEL_BIAS,
     X_BARO,
     X_FIELD,
     X_GYRO_BIAS,
-    X_JITTER,
     X_MAG_BIAS,
-    X_MIX,
     X_Q,
     X_VEL,
-    X_WANDER,
     X_WIND,
     N,
     packed,
@@ -126,15 +120,14 @@ def inject(x: Float, P: Float, work: Float) -> None:
         x[X_ACCEL_BIAS + i] += d[ACCEL_BIAS + i]
         x[X_FIELD + i] += d[FIELD + i]
         x[X_MAG_BIAS + i] += d[MAG_BIAS + i]
-        x[X_WANDER + i] += d[WANDER + i]
-        x[X_JITTER + i] += d[JITTER + i]
-    x[X_WIND] += d[WIND]
-    x[X_WIND + 1] += d[WIND + 1]
-    x[X_BARO] += d[BARO]
-    for i in range(9):
-        x[X_MIX + i] += d[MIX + i]
+    n = int(work[W_DIM])
+    if n > WIND:
+        x[X_WIND] += d[WIND]
+        x[X_WIND + 1] += d[WIND + 1]
+    for i in range(BARO, n):  # the sensors' slow errors stand in both tables in the same order
+        x[X_BARO + i - BARO] += d[i]
     move_position(x, d[POS], d[POS + 1], d[POS + 2])
-    for i in range(N):
+    for i in range(n):
         d[i] = 0.0
 
 
@@ -149,5 +142,5 @@ def reset_axis(P: Float, axis: int, variance: float) -> None:
 @kernel("void(float64[::1])")
 def clear_row(work: Float) -> None:
     """Set H = 0."""
-    for j in range(N):
+    for j in range(int(work[W_DIM])):
         work[W_H + j] = 0.0
