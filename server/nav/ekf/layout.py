@@ -144,7 +144,8 @@ A_T_RESET: Final = 49  # validity of the GNSS position that last set the state, 
 A_T_WHEELS: Final = 50  # last zero lateral velocity of a car, ns
 A_T_ASTRAY: Final = 51  # since when the yaw bank contradicts the heading, ns; NEVER_NS when it does not
 A_GNSS_JITTER_VAR_D: Final = 60
-A_SIZE: Final = 61
+A_T_QUICK: Final = 61  # when the velocity last spoke against rest, ns
+A_SIZE: Final = 62
 
 # Scratch, so that nothing is allocated in a step.
 W_U: Final = 0  # (18) input of the covariance prediction

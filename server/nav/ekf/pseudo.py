@@ -12,6 +12,7 @@ from server.nav.ekf.layout import (
     A_SPEED_GNSS,
     A_T_GNSS_SEEN,
     A_T_GRAVITY,
+    A_T_QUICK,
     A_T_RATE,
     A_T_STILL,
     A_T_WHEELS,
@@ -43,7 +44,8 @@ HOVER_VELOCITY_M_S: Final = 0.7
 
 
 CONFIRMED_NS: Final = 0.8e9
-"""Rest is believed when it has lasted on for this long: a vehicle that lifts off gently is not held down."""
+"""Rest is believed when it has lasted on for this long: a vehicle that lifts off gently is not held down. One that
+lands gently must have stood before, `REST_BEFORE_ZERO_S`."""
 
 
 @kernel("void(float64[::1], float64, float64)")
@@ -87,15 +89,17 @@ def pseudo_measurements(
         aux[A_T_GRAVITY] = t
         _pseudo(h, t, GRAVITY)
         dirty = attach(h, dirty, t, ctl, work, r_u, r_m, r_n, aids, aid_t)
-    if ctl[C_VALID] * u[U_DT] * 1e9 <= CONFIRMED_NS + PSEUDO_INTERVAL_NS:
-        return dirty
-    if ctl[C_STILL_STEPS] * u[U_DT] < REST_BEFORE_ZERO_S or t - aux[A_T_RATE] < PSEUDO_INTERVAL_NS:
-        return dirty
     fresh = t - aux[A_T_GNSS_SEEN] < 2e9
     if ctl[C_POSITIONED]:
         speed = math.sqrt(x[X_VEL] ** 2 + x[X_VEL + 1] ** 2 + x[X_VEL + 2] ** 2)
         if speed > STILL_SPEED_M_S or (fresh and aux[A_SPEED_GNSS] > STILL_SPEED_M_S):
-            return dirty
+            aux[A_T_QUICK] = t
+    if t - aux[A_T_RATE] < PSEUDO_INTERVAL_NS or ctl[C_VALID] * u[U_DT] * 1e9 <= CONFIRMED_NS + PSEUDO_INTERVAL_NS:
+        return dirty
+    settled = CONFIRMED_NS + REST_BEFORE_ZERO_S * 1e9
+    if ctl[C_STILL_STEPS] * u[U_DT] * 1e9 < settled or t - aux[A_T_QUICK] < settled:
+        return dirty
+    if ctl[C_POSITIONED]:
         aux[A_T_STILL] = t
         _pseudo(h, t - CONFIRMED_NS, ZERO_VELOCITY)
         rolls = par[PAR_VEHICLE] == CAR or par[PAR_VEHICLE] == HAND_HELD

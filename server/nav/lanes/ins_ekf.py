@@ -246,7 +246,7 @@ class InsEkf:
         self._x, self._P = np.zeros(X_SIZE), np.zeros(PACKED)
         self._x[X_Q] = 1.0
         self._aux, self._ctl = np.zeros(at.A_SIZE), np.zeros(at.C_SIZE, dtype=np.int64)
-        for index in (at.A_T_GNSS, at.A_T_GNSS_SEEN, at.A_T_START):
+        for index in (at.A_T_GNSS, at.A_T_GNSS_SEEN, at.A_T_START, at.A_T_QUICK):
             self._aux[index] = at.NEVER_NS
         for index in (at.A_T_RESET, at.A_T_MAG, at.A_T_BARO, at.A_T_STILL, at.A_T_RATE, at.A_T_GRAVITY, at.A_T_WHEELS):
             self._aux[index] = at.NEVER_NS
