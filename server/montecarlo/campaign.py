@@ -9,23 +9,61 @@ from typing import Final, Literal
 import numpy as np
 
 from server.nav.types import EngineSettings, Float
-from server.sim import SimSettings, sensors
+from server.sim import SimSettings, gnss, sensors
 
 Told = Literal["defaults", "sheet"]
 LANE: Final = "ins_ekf"
 EPOCH_S: Final = 0.5
 WIND_M_S: Final = 8.0
 """The mean wind of a flight is drawn evenly up to here: a fresh breeze, the most a 2 kg multirotor is flown in."""
+WARMING_K_S: Final = (sensors.WARM_DEGC - sensors.COLD_DEGC) / sensors.WARM_UP_S / math.sqrt(3.0)
+"""How fast the demo board warms up, over the root of three: a sheet's figure per kelvin is a limit, drawn evenly."""
+GYRO_LEARNED_S: Final = 30.0
+ACCEL_LEARNED_S: Final = 12.0
+"""A bias that runs with the temperature is told as the random walk that goes as far in the time over which the filter
+learns it: from the heading, the slower one, and from the velocity."""
+STEP_S: Final = 0.02
+
+
+def _walk(density: float, per_k: float, learned_s: float) -> float:
+    """Return the random walk of a bias with the warming-up in it."""
+    return math.hypot(density, WARMING_K_S * per_k * math.sqrt(learned_s))
+
+
 SHEET: Final = {
     "gyro_noise_rad_s_rthz": sensors.GYRO_NOISE_RAD_S_RTHZ,
     "accel_noise_m_s2_rthz": sensors.ACCEL_NOISE_M_S2_RTHZ,
-    "gyro_bias_walk_rad_s2_rthz": sensors.GYRO_WALK_RAD_S2_RTHZ,
-    "accel_bias_walk_m_s3_rthz": sensors.ACCEL_WALK_M_S3_RTHZ,
-    "accel_bias_sigma_m_s2": sensors.ACCEL_BIAS_M_S2 / math.sqrt(3.0),  # drawn evenly up to the sheet's figure
+    "gyro_bias_walk_rad_s2_rthz": _walk(sensors.GYRO_WALK_RAD_S2_RTHZ, sensors.GYRO_PER_K_RAD_S, GYRO_LEARNED_S),
+    "accel_bias_walk_m_s3_rthz": _walk(sensors.ACCEL_WALK_M_S3_RTHZ, sensors.ACCEL_PER_K_M_S2, ACCEL_LEARNED_S),
+    "accel_bias_sigma_m_s2": math.hypot(sensors.ACCEL_BIAS_M_S2, 9.8 * sensors.CROSS_ERROR) / math.sqrt(3.0),
+    "zero_rate_rad_s": sensors.GYRO_NOISE_RAD_S_RTHZ / math.sqrt(STEP_S),  # the demo board does not sway on its legs
+    "zero_velocity_m_s": 0.0004,
+    "vibration_hz": 1e4,  # rotors are a line in the spectrum, and noise is told
+    "gyro_scale": sensors.SCALE_ERROR / math.sqrt(3.0),
+    "gyro_cross": sensors.CROSS_ERROR / math.sqrt(3.0),
+    "mag_timing_s": 0.0,
     "mag_noise_gauss": sensors.MAG_NOISE_GAUSS,
+    "mag_bias_sigma_gauss": sensors.HARD_IRON_GAUSS / math.sqrt(3.0),  # of the given length, in any direction
+    "mag_bias_walk_gauss_rts": 0.0,
+    "declination_sigma_rad": 0.0,  # the field flown in is the model's
+    "field_sigma": 0.0,
+    "field_walk_gauss_rts": 0.0,
     "baro_noise_m": sensors.BARO_NOISE_M,
+    "baro_drift_m_rts": sensors.BARO_DRIFT_M * math.sqrt(2.0 / sensors.BARO_DRIFT_S),
+    "gnss_wander_tau_s": gnss.WANDER_S,
+    "gnss_jitter_tau_s": gnss.JITTER_S,
+    "gnss_speed_tau_s": gnss.VELOCITY_S,
 }
-"""Noise and bias of the demo board's sensors as their data sheets give them, by parameter of the lane."""
+"""Noise, bias and drift of the demo board's sensors as their data sheets give them, by parameter of the lane."""
+
+
+def sheet(quality: gnss.Quality) -> dict[str, float]:
+    """Return everything that a data sheet would say of the demo board's sensors, with this receiver."""
+    return SHEET | {
+        "gnss_wander_m": quality.wander_m,
+        "gnss_jitter_m": quality.jitter_m,
+        "gnss_speed_m_s": quality.velocity_m_s,
+    }
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
@@ -55,7 +93,7 @@ class Campaign:
 
     def engine(self) -> EngineSettings:
         """Return what the engine of every flight is told."""
-        parameters = {LANE: SHEET} if self.told == "sheet" else {}
+        parameters = {LANE: sheet(gnss.RTK if self.rtk else gnss.STANDARD)} if self.told == "sheet" else {}
         return EngineSettings(lanes=(LANE,), lane_parameters=parameters)
 
     @property

@@ -10,7 +10,6 @@ import numpy as np
 from numpy.typing import NDArray
 from scipy.spatial.transform import Rotation
 
-from server.nav.ekf import layout as at
 from server.nav.ekf.states import packed
 from server.nav.engine import NavEngine
 from server.nav.lanes.ins_ekf import InsEkf
@@ -47,10 +46,9 @@ class Flown:
         """Return standard deviations of error states of the present."""
         return np.sqrt([self.lane._P[packed(i, i)] for i in range(first, first + n)])
 
-    @property
-    def dim(self) -> int:
-        """How many error states are active."""
-        return int(self.lane._work[at.W_DIM])
+    def has(self, state: int) -> bool:
+        """Return whether the block of an error state is in use."""
+        return bool(self.lane._P[packed(state, state)] > 0.0)
 
     def codes(self) -> list[str]:
         """Return the events' codes."""

@@ -9,24 +9,32 @@ import pytest
 from server.nav.ekf import covariance, derivation
 from server.nav.ekf import layout as at
 from server.nav.ekf.covariance import predict_covariance
-from server.nav.ekf.predict import predict_columns
+from server.nav.ekf.predict import fade, predict, predict_columns, predict_slow, turn_mix
 from server.nav.ekf.states import (
     ACCEL_BIAS,
     ATT,
     FIELD,
     GYRO_BIAS,
     INERTIAL,
+    JITTER,
+    MIX,
     PACKED,
     POS,
     VEL,
+    WANDER,
+    WITH_BARO,
     WITH_MAG,
+    WITH_WANDER,
+    WITH_WIND,
+    X_SIZE,
+    X_WANDER,
     N,
     packed,
 )
 from server.nav.ekf.update import correction_seen, fuse, project
 
 LOWER = np.tril_indices(N)
-DIMS = (INERTIAL, WITH_MAG, N)
+DIMS = (INERTIAL, WITH_MAG, WITH_WIND, WITH_BARO, WITH_WANDER, N)
 
 
 def random_covariance(rng):
@@ -80,6 +88,53 @@ def test_a_filter_without_the_later_blocks_is_a_prefix_of_the_whole_one(n):
     np.testing.assert_array_equal(out[n * (n + 1) // 2 :], rest)
 
 
+@pytest.mark.parametrize("first", [WANDER, JITTER])
+def test_fading_is_a_gauss_markov_step_of_three_states_in_dense_algebra(first):
+    P = random_covariance(np.random.default_rng(first))
+    F, Q = np.eye(N), np.zeros(N)
+    F[range(first, first + 3), range(first, first + 3)] = 0.97
+    Q[first : first + 3] = 0.2, 0.2, 0.5
+    out = P[LOWER].copy()
+    fade(out, first, N, 0.97, 0.2, 0.5)
+    np.testing.assert_allclose(out, (F @ P @ F.T + np.diag(Q))[LOWER], rtol=1e-12, atol=1e-12)
+
+
+def test_a_block_that_was_never_started_does_not_come_by_noise():
+    P = random_covariance(np.random.default_rng(2))
+    P[WANDER : WANDER + 3, :] = P[:, WANDER : WANDER + 3] = 0.0
+    out = P[LOWER].copy()
+    fade(out, WANDER, N, 0.97, 0.2, 0.5)
+    np.testing.assert_array_equal(out, P[LOWER])
+
+
+def test_errors_of_the_gyros_scale_and_axes_turn_the_attitude_as_in_dense_algebra():
+    rng = np.random.default_rng(8)
+    P, u, dtheta = random_covariance(rng), rng.normal(size=18), rng.normal(size=3)
+    F = np.eye(N)
+    F[ATT : ATT + 3, MIX : MIX + 9] = -u[3:12].reshape(3, 3) @ np.kron(np.eye(3), dtheta) / u[12]
+    out = P[LOWER].copy()
+    turn_mix(out, u, dtheta, N)
+    np.testing.assert_allclose(out, (F @ P @ F.T)[LOWER], rtol=1e-11, atol=1e-11)
+
+
+def test_a_receivers_slow_error_settles_at_its_long_term_variance_and_forgets_its_value():
+    x, P, u = np.zeros(X_SIZE), np.zeros(PACKED), np.zeros(at.U_SIZE)
+    par, aux, ctl, work = np.zeros(at.PAR_SIZE), np.zeros(at.A_SIZE), np.zeros(at.C_SIZE, np.int64), np.zeros(at.W_SIZE)
+    x[0], u[at.U_DT], work[at.W_DIM] = 1.0, 0.5, WITH_WANDER
+    x[X_WANDER : X_WANDER + 3] = 1.0, -2.0, 3.0
+    par[at.PAR_GNSS_WANDER_TAU], par[at.PAR_VIBRATION_BANDWIDTH] = 60.0, 100.0
+    aux[at.A_GNSS_WANDER_VAR], aux[at.A_GNSS_WANDER_VAR_D] = 0.25, 0.64
+    P[packed(WANDER, WANDER)] = 1e-4  # just measured
+    P[packed(WANDER + 2, WANDER + 2)] = 1e-4
+    for _ in range(120):
+        predict(x, P, u, par, aux, ctl, work)
+        predict_slow(x, P, u, par, aux, work)
+    np.testing.assert_allclose(x[X_WANDER : X_WANDER + 3], np.array([1.0, -2.0, 3.0]) * np.exp(-1.0), rtol=1e-9)
+    left = np.exp(-2.0)
+    np.testing.assert_allclose(P[packed(WANDER, WANDER)], left * 1e-4 + (1 - left) * 0.25, rtol=1e-9)
+    np.testing.assert_allclose(P[packed(WANDER + 2, WANDER + 2)], left * 1e-4 + (1 - left) * 0.64, rtol=1e-9)
+
+
 def test_the_code_is_what_its_derivation_writes():
     written = Path(covariance.__file__).read_text(encoding="utf-8")
     assert ast.dump(ast.parse(written)) == ast.dump(ast.parse(derivation.source()))
@@ -110,7 +165,8 @@ def test_two_scalar_updates_equal_one_vector_update_in_joseph_form():
 def test_a_day_of_predictions_and_updates_stays_positive_definite():
     """86,400 s at 10 Hz with exact position updates: the hardest case for rounding."""
     rng = np.random.default_rng(5)
-    P = np.diag([*np.repeat([1e-4, 1.0, 1.0, 1e-6, 1e-3, 1e-4, 1e-4], 3), 9.0, 9.0])[LOWER].copy()
+    sigma2 = [*np.repeat([1e-4, 1.0, 1.0, 1e-6, 1e-3, 1e-4, 1e-4], 3), 9.0, 9.0, 4.0, *[0.1] * 6, *[1e-6] * 9]
+    P = np.diag(sigma2)[LOWER].copy()
     work, u = np.zeros(at.W_SIZE), np.zeros(18)
     work[at.W_DIM] = N
     u[12], u[13:18] = 0.1, [1e-8, 1e-5, 0.0, 1e-9, 1e-8]

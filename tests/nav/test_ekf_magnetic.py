@@ -5,7 +5,7 @@ import math
 import numpy as np
 import pytest
 
-from server.nav.ekf.states import FIELD, INERTIAL, MAG_BIAS, WITH_MAG, X_FIELD, X_MAG_BIAS
+from server.nav.ekf.states import FIELD, MAG_BIAS, X_FIELD, X_MAG_BIAS
 from server.nav.types import Aid, AidStatus, Kind
 
 from .ekf_flights import Sensors, rest, s_turns, stream_of
@@ -65,9 +65,9 @@ def test_a_declination_that_is_not_to_be_learned_stays_the_models() -> None:
 
 def test_without_a_magnetometer_the_block_does_not_exist() -> None:
     absent = fly(stream_of(TURNS, Sensors(mag_hz=None)).block(), **KNOWN)
-    assert absent.dim == INERTIAL
-    assert fly(stream_of(TURNS).block(), use_mag=False, **KNOWN).dim == INERTIAL
-    assert fly(stream_of(TURNS).block(), **KNOWN).dim == WITH_MAG
+    assert not absent.has(MAG_BIAS)
+    assert not fly(stream_of(TURNS).block(), use_mag=False, **KNOWN).has(MAG_BIAS)
+    assert fly(stream_of(TURNS).block(), **KNOWN).has(MAG_BIAS)
 
 
 def test_a_field_of_another_strength_is_refused_and_moves_nothing() -> None:

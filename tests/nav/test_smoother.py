@@ -68,6 +68,13 @@ def test_its_errors_stay_inside_its_own_three_sigma(flown):
         assert (np.abs(error) < 3 * sigma).mean() > 0.99
 
 
+def test_its_sigma_is_nowhere_larger_than_the_filter_s(flown):
+    _, _, t, rows, _ = flown
+    part = t > 3.0
+    ours, theirs = rows["smoother"][part, 10:19] ** 2, rows["ins_ekf"][part, 10:19] ** 2
+    assert (ours < (theirs + np.repeat([0.0, 0.003, 0.005], 3) ** 2) * (1.0 + 1e-6)).all()
+
+
 def test_inside_an_outage_both_ends_are_known_so_it_navigates_and_sigma_is_largest_in_the_middle(flown):
     _, _, t, rows, _ = flown
     part = (t > OUTAGE[0] + 1.5) & (t < OUTAGE[1])

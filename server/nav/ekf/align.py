@@ -7,7 +7,7 @@ from typing import Final
 
 from server.nav.codes import ATTITUDE, CAR
 from server.nav.ekf.aiding.mag import observe
-from server.nav.ekf.blocks import switch_mag_on
+from server.nav.ekf.blocks import start_mix, switch_mag_on
 from server.nav.ekf.layout import (
     A_ACCEL_MEAN,
     A_ACCEL_SUM,
@@ -29,6 +29,8 @@ from server.nav.ekf.layout import (
     C_STILL_STEPS,
     NEVER_NS,
     PAR_ACCEL_BIAS_SIGMA,
+    PAR_GYRO_CROSS,
+    PAR_GYRO_SCALE,
     PAR_MAG_BIAS_SIGMA,
     PAR_MAG_NOISE,
     PAR_VEHICLE,
@@ -222,6 +224,8 @@ def _done(x: Float, P: Float, u: Float, par: Float, aux: Float, ctl: Int, work: 
         for i in range(3):
             P[packed(GYRO_BIAS + i, GYRO_BIAS + i)] = GYRO_BIAS_SIGMA_AGAIN_RAD_S**2
     ctl[C_ALIGNED_BEFORE] = 1
+    if par[PAR_GYRO_SCALE] + par[PAR_GYRO_CROSS] > 0.0:
+        start_mix(P, work, par[PAR_GYRO_SCALE], par[PAR_GYRO_CROSS])
     if ctl[C_HAS_HEADING]:
         _couple_heading(x, P, u, par, aux, ctl, work)
     return True

@@ -38,6 +38,12 @@ GATE_SIGMA: Final = 5.0
 ACCEL_BIAS_SIGMA_M_S2: Final = 0.12  # zero-g offset of a consumer accelerometer after board mounting, 12 mg
 GNSS_CORRELATION: Final = 4.0
 """Velocity errors of successive fixes are alike: (1 + ρ)/(1 − ρ) with ρ = 0.6 at 5 to 10 Hz."""
+VIBRATION_BANDWIDTH_HZ: Final = 100.0
+"""Vibration measured over this bandwidth is taken as white: propellers alias into the navigation band. White noise of
+0.5 m/s² at 333 Hz is then over-estimated by 1.8, a board's own 20 Hz low-pass under-estimated by as much."""
+GNSS_WANDER_S: Final = 60.0  # ionosphere, orbits and multipath of a moving vehicle
+ZERO_RATE_RAD_S: Final = 0.004  # mean over one step of a board at rest: noise and sway
+ZERO_VELOCITY_M_S: Final = 0.05  # a vehicle that stands still sways on its legs or springs
 BARO_DRIFT_M_RTS: Final = 0.02  # weather and cabin pressure: 0.15 m in a minute
 FIELD_WALK_GAUSS_RTS: Final = 9e-5  # crustal anomalies met on the way: 0.1° of half a gauss in 100 s
 FIELD_SIGMA: Final = 0.05  # strength: anomalies and the sensor's own scale
@@ -47,7 +53,7 @@ MAG_TIMING_S: Final = 0.03  # magnetometers are read at 10 to 100 Hz and average
 MAG_TIMING_TOLD_S: Final = 0.005  # when the delay was measured
 WIND_SIGMA_M_S: Final = 8.0  # per axis; the mean wind over land is about 6 m/s
 WIND_WALK_M_S_RTS: Final = 0.1  # gusts pass, the mean changes by 1 m/s in 100 s
-HISTORY_S: Final = 1.0  # longest delay that can still be fused at its own time
+HISTORY_S: Final = 1.25  # longest delay that can still be fused at its own time; rests are confirmed late
 """S1 calls 0.1 to 0.3 s usual; receivers on slow serial links reach half a second."""
 MAX_AID_ROWS: Final = 64
 

@@ -25,7 +25,7 @@ from server.nav.ekf.layout import (
     W_DIM,
     W_SENS,
 )
-from server.nav.ekf.predict import predict
+from server.nav.ekf.predict import predict, predict_slow
 from server.nav.kernel import kernel
 from server.nav.types import Float, Int
 
@@ -153,13 +153,13 @@ def rerun(
     size = r_u.shape[0]
     slot = dirty % size
     restore(r_x[slot], x, work)
-    n = active(work)
-    copy(r_P[slot], P, n)
+    copy(r_P[slot], P, active(work))
     for k in range(dirty, ctl[C_HEAD]):
         slot = k % size
         if k > dirty:
             predict(x, P, r_u[slot], par, aux, ctl, work)
+            predict_slow(x, P, r_u[slot], par, aux, work)
             save(x, work, r_x[slot])
-            copy(P, r_P[slot], n)
+            copy(P, r_P[slot], active(work))  # a measurement may have switched a block on
         for i in range(r_n[slot]):
             handle(r_m[slot, i], x, P, r_u[slot], par, aux, ctl, work, aids, aid_t, events, t_ns)

@@ -26,8 +26,10 @@ from server.nav.ekf.handle import clear_record, record
 from server.nav.ekf.history import attach
 from server.nav.ekf.layout import (
     A_GNSS_INTERVAL,
+    A_GNSS_JITTER_VAR,
+    A_GNSS_JITTER_VAR_D,
     A_GNSS_WANDER_VAR,
-    A_K_POS,
+    A_GNSS_WANDER_VAR_D,
     A_MAG_SUM,
     A_MAG_WEIGHT,
     A_SPEED_GNSS,
@@ -42,11 +44,11 @@ from server.nav.ekf.layout import (
     H_AID,
     H_DATA,
     H_FLOOR,
-    H_SHIFT,
     H_SIZE,
     H_STATUS,
     H_T,
-    H_VAR,
+    H_WANDER,
+    H_WANDER_D,
     M_DATA,
     M_KIND,
     M_STATUS,
@@ -54,6 +56,8 @@ from server.nav.ekf.layout import (
     NEVER_NS,
     PAR_BARO_DELAY,
     PAR_GNSS_DELAY,
+    PAR_GNSS_JITTER,
+    PAR_GNSS_WANDER,
     PAR_IMU_DELAY,
     PAR_MAG_DELAY,
     UNDECIDED,
@@ -75,8 +79,7 @@ UNKNOWN_FLOOR_M_S: Final = 0.1
 """A receiver that does not say how good it is smooths its fixes: small innovations prove nothing below these."""
 WANDER_SHARE: Final = 0.7
 """Share of a stand-alone receiver's reported accuracy (68 % of the horizontal error) that is common to fixes of the
-same minutes, per axis: ionosphere, orbits and multipath. The filter follows it, so it shows as what the innovations
-lack: it counts only as far as their variance stays below the reported one."""
+same minutes, per axis: ionosphere, orbits and multipath."""
 RTK_FIX: Final = 5.0  # fix_type of float and fixed carrier-phase solutions, which do not wander
 MIN_ACC_M: Final = 0.02
 MIN_ACC_M_S: Final = 0.02
@@ -94,17 +97,29 @@ def _start_row(h: Float, aid: float, t_ns: float, m: Float) -> None:
     h[H_AID], h[H_T], h[H_STATUS] = aid, t_ns, UNDECIDED
     for i in range(3):
         h[H_DATA + i] = m[M_DATA + i]
-    h[H_SHIFT] = h[H_VAR] = 0.0
 
 
-@kernel("void(float64[::1], float64[::1])")
-def position_row(h: Float, m: Float) -> None:
-    """Fill a GNSS position row: latitude, longitude rad, height m, and standard deviations m."""
+@kernel("void(float64[::1], float64[::1], float64[::1], float64[::1])")
+def position_row(h: Float, m: Float, par: Float, aux: Float) -> None:
+    """Fill a GNSS position row: latitude, longitude rad, height m, standard deviations m; note its slow error's.
+
+    What is told holds for a horizontal axis; down, the receiver's own ratio of vertical to horizontal is added.
+    """
     h[H_DATA] = math.radians(m[M_DATA])
     h[H_DATA + 1] = math.radians(m[M_DATA + 1])
     h[H_FLOOR] = 0.0 if math.isfinite(m[M_DATA + 6]) else UNKNOWN_FLOOR_M
     h[H_ACC] = h[H_ACC + 1] = _known(m[M_DATA + 6], UNKNOWN_H_ACC_M, MIN_ACC_M)
     h[H_ACC + 2] = _known(m[M_DATA + 7], UNKNOWN_V_ACC_M, MIN_ACC_M)
+    ratio = math.sqrt(2.0) * h[H_ACC + 2] / h[H_ACC]
+    if math.isfinite(par[PAR_GNSS_WANDER]):
+        h[H_WANDER], h[H_WANDER_D] = par[PAR_GNSS_WANDER], par[PAR_GNSS_WANDER] * ratio
+    elif not m[M_DATA + 9] >= RTK_FIX:
+        h[H_WANDER], h[H_WANDER_D] = WANDER_SHARE * h[H_ACC], h[H_ACC + 2]
+    if h[H_WANDER] > 0.0:
+        aux[A_GNSS_WANDER_VAR], aux[A_GNSS_WANDER_VAR_D] = h[H_WANDER] ** 2, h[H_WANDER_D] ** 2
+    if math.isfinite(par[PAR_GNSS_JITTER]):
+        aux[A_GNSS_JITTER_VAR] = par[PAR_GNSS_JITTER] ** 2
+        aux[A_GNSS_JITTER_VAR_D] = (par[PAR_GNSS_JITTER] * ratio) ** 2
 
 
 @kernel("void(float64[::1], float64[::1])")
@@ -126,9 +141,6 @@ def _note_gnss(m: Float, t_valid: float, aux: Float) -> None:
             interval = min(interval, LONGER * aux[A_GNSS_INTERVAL])
         aux[A_GNSS_INTERVAL] += (1.0 if first else 0.2) * (interval - aux[A_GNSS_INTERVAL])
     aux[A_T_GNSS_SEEN] = t_valid
-    wander = WANDER_SHARE * _known(m[M_DATA + 6], UNKNOWN_H_ACC_M, MIN_ACC_M)
-    unseen = max(0.0, 1.0 - aux[A_K_POS])
-    aux[A_GNSS_WANDER_VAR] = 0.0 if m[M_DATA + 9] >= RTK_FIX else wander * wander * unseen
     aux[A_SPEED_GNSS] = math.sqrt(m[M_DATA + 3] ** 2 + m[M_DATA + 4] ** 2)
 
 
@@ -208,7 +220,7 @@ def take(
             dirty = attach(h, dirty, t_ns, ctl, work, r_u, r_m, r_n, aids, aid_t)
         if math.isfinite(m[M_DATA]) and math.isfinite(m[M_DATA + 1]):
             _start_row(h, GNSS_POSITION, t_valid, m)
-            position_row(h, m)
+            position_row(h, m, par, aux)
             dirty = attach(h, dirty, t_ns, ctl, work, r_u, r_m, r_n, aids, aid_t)
         if not (math.isfinite(m[M_DATA + 3]) and math.isfinite(m[M_DATA + 4])):
             return dirty

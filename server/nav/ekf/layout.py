@@ -38,9 +38,10 @@ H_STATUS: Final = 2  # −1 undecided, then AidStatus, or RESET
 H_DATA: Final = 3  # (9) observation
 H_ACC: Final = 12  # (3) standard deviations as reported or assumed
 H_VAR: Final = 15  # (3) variances decided on at first use, kept for every re-run
-H_SHIFT: Final = 18  # height shift decided on at first use, m
-H_FLOOR: Final = 19  # least standard deviation the innovations may bring it down to
-H_SIZE: Final = 20
+H_FLOOR: Final = 18  # least standard deviation the innovations may bring it down to
+H_WANDER: Final = 19  # σ of the slow error of this receiver's fixes, per horizontal axis, m; 0 = none
+H_WANDER_D: Final = 20  # and down
+H_SIZE: Final = 21
 UNDECIDED: Final = -1.0
 RESET: Final = 100.0  # this measurement set velocity and position instead of correcting them
 
@@ -70,7 +71,18 @@ PAR_WIND_SIGMA: Final = 23  # m/s
 PAR_WIND_WALK: Final = 24  # m/s/√s
 PAR_FIELD_SIGMA: Final = 25  # error of the model's strength, as a share of it
 PAR_MAG_TIMING: Final = 26  # s, how well the magnetometer's delay is known
-PAR_SIZE: Final = 27
+PAR_GNSS_WANDER: Final = 27  # m per horizontal axis; NaN: from the reported accuracy
+PAR_GNSS_WANDER_TAU: Final = 28  # s
+PAR_GNSS_JITTER: Final = 29  # m per horizontal axis; NaN: learned from the innovations
+PAR_GNSS_JITTER_TAU: Final = 30  # s; 0 = white
+PAR_GNSS_SPEED: Final = 31  # m/s per axis; NaN: learned from the innovations
+PAR_GNSS_SPEED_TAU: Final = 32  # s, of a velocity error that is told
+PAR_ZERO_RATE: Final = 33  # rad/s
+PAR_ZERO_VELOCITY: Final = 34  # m/s
+PAR_GYRO_SCALE: Final = 35  # σ of the scale errors, a share of the rate; 0 with no cross-axis ones = no such states
+PAR_GYRO_CROSS: Final = 36  # σ of the cross-axis errors, likewise
+PAR_VIBRATION_BANDWIDTH: Final = 37  # Hz over which measured vibration is white
+PAR_SIZE: Final = 38
 
 NEVER_NS: Final = -1e18
 """A time before every other."""
@@ -106,8 +118,8 @@ A_GNSS_INTERVAL: Final = 4  # s, mean
 A_T_GNSS_SEEN: Final = 5
 A_T_MAG: Final = 6
 A_T_BARO: Final = 7
-A_BARO_OFFSET: Final = 8  # height = baro altitude + offset, m
-A_BARO_OFFSET_VAR: Final = 9
+A_GNSS_WANDER_VAR_D: Final = 8  # of the slow error down, m²
+A_GNSS_JITTER_VAR: Final = 9  # of the quick error per horizontal axis, m²
 A_K_POS: Final = 10  # innovations' variance over the reported one: horizontal position
 A_K_VEL: Final = 11
 A_K_ALT: Final = 12
@@ -130,19 +142,18 @@ A_GYRO_SUM: Final = 38  # (3) over the rest that alignment averages
 A_ACCEL_SUM: Final = 41  # (3)
 A_SITE: Final = 44  # (3) latitude rad, longitude rad, height m
 A_T_RATE: Final = 47  # last zero-rate update, ns
-A_GNSS_WANDER_VAR: Final = 48  # slow error of an ordinary receiver that no innovation shows, m² per axis
+A_GNSS_WANDER_VAR: Final = 48  # long-term variance of an ordinary receiver's slow error, m² per horizontal axis
 A_T_RESET: Final = 49  # validity of the GNSS position that last set the state, ns
 A_T_WHEELS: Final = 50  # last zero lateral velocity of a car, ns
 A_T_ASTRAY: Final = 51  # since when the yaw bank contradicts the heading, ns; NEVER_NS when it does not
 A_T_AIRSPEED: Final = 52
 A_T_SIDESLIP: Final = 53
-A_SIZE: Final = 54
+A_GNSS_JITTER_VAR_D: Final = 54
+A_T_QUICK: Final = 55  # when the velocity last spoke against rest, ns
+A_SIZE: Final = 56
 
 # Scratch, so that nothing is allocated in a step.
 W_U: Final = 0  # (18) input of the covariance prediction
-W_H: Final = 18  # (23) one row of H
-W_PH: Final = 41  # (23) P Hᵀ
-W_DX: Final = 64  # (23) correction collected over one measurement
 W_OBS: Final = 87  # record of the measurement just handled
 W_PRED: Final = 90
 W_INNOV: Final = 93
@@ -158,8 +169,11 @@ W_USED: Final = 110  # (3) found so far and in use, s
 W_M: Final = 113  # (3, 3) covariance of the estimate, s²
 W_SENS: Final = 122  # (3, SENS) sensitivities of the state error
 DELAYS: Final = 3
-SENS: Final = 32  # columns a sensitivity may take
-W_SIZE: Final = W_SENS + DELAYS * SENS
+SENS: Final = 40  # columns a sensitivity may take
+W_H: Final = W_SENS + DELAYS * SENS  # (N) one row of H
+W_PH: Final = W_H + SENS  # (N) P Hᵀ
+W_DX: Final = W_PH + SENS  # (N) correction collected over one measurement
+W_SIZE: Final = W_DX + SENS
 
 # Events the kernel reports: code, time ns, size, second size.
 E_ALIGNED: Final = 1  # heading sigma rad, tilt sigma rad

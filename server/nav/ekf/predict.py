@@ -3,22 +3,29 @@
 from __future__ import annotations
 
 import math
-from typing import Final
 
 from server.nav.constants import EARTH_RATE_RAD_S
 from server.nav.earth import curvature_radii, gravity_and_radii, normal_gravity
 from server.nav.ekf.covariance import predict_covariance
 from server.nav.ekf.delays import predict_sensitivities
 from server.nav.ekf.layout import (
+    A_GNSS_JITTER_VAR,
+    A_GNSS_JITTER_VAR_D,
+    A_GNSS_WANDER_VAR,
+    A_GNSS_WANDER_VAR_D,
     A_GRAVITY,
     C_HAS_SITE,
     C_POSITIONED,
     PAR_ACCEL_NOISE,
     PAR_ACCEL_WALK,
+    PAR_BARO_DRIFT,
     PAR_FIELD_WALK,
+    PAR_GNSS_JITTER_TAU,
+    PAR_GNSS_WANDER_TAU,
     PAR_GYRO_NOISE,
     PAR_GYRO_WALK,
     PAR_MAG_BIAS_WALK,
+    PAR_VIBRATION_BANDWIDTH,
     PAR_WIND_WALK,
     U_DT,
     U_DTHETA,
@@ -29,23 +36,27 @@ from server.nav.ekf.layout import (
     W_DIM,
 )
 from server.nav.ekf.states import (
+    ATT,
+    BARO,
     FIELD,
+    JITTER,
     MAG_BIAS,
+    MIX,
+    WANDER,
     WIND,
     X_ACCEL_BIAS,
     X_GYRO_BIAS,
+    X_JITTER,
+    X_MIX,
     X_POS,
     X_Q,
     X_VEL,
+    X_WANDER,
     packed,
 )
 from server.nav.kernel import kernel
 from server.nav.rotation import matrix_entries, quat_from_rotvec, quat_mul
 from server.nav.types import Float, Int
-
-VIBRATION_BANDWIDTH_HZ: Final = 100.0
-"""Vibration measured over this bandwidth is taken as white: propellers alias into the navigation band. White noise of
-0.5 m/s² at 333 Hz is then over-estimated by 1.8, a board's own 20 Hz low-pass under-estimated by as much."""
 
 
 @kernel("UniTuple(float64, 3)(float64[::1], int64[::1])")
@@ -105,7 +116,7 @@ def predict_columns(P: Float, u: Float, first: int, last: int) -> None:
 def _predict_errors(P: Float, u: Float, par: Float, work: Float) -> None:
     """Advance the covariance; work[:13] holds f, A and dt. A bridged gap adds what may have happened in it."""
     dt, gap = u[U_DT], u[U_GAP_S]
-    shaking = u[U_VIBRATION] * u[U_VIBRATION] / (3.0 * VIBRATION_BANDWIDTH_HZ)
+    shaking = u[U_VIBRATION] * u[U_VIBRATION] / (3.0 * par[PAR_VIBRATION_BANDWIDTH])
     work[13] = par[PAR_GYRO_NOISE] * par[PAR_GYRO_NOISE] * dt + 0.25 * gap * gap
     work[14] = (par[PAR_ACCEL_NOISE] * par[PAR_ACCEL_NOISE] + shaking) * dt + 9.0 * gap * gap
     work[15] = 0.0
@@ -115,15 +126,110 @@ def _predict_errors(P: Float, u: Float, par: Float, work: Float) -> None:
     n = int(work[W_DIM])
     if n > FIELD:
         predict_columns(P, work, FIELD, n)
-        field = par[PAR_FIELD_WALK] * par[PAR_FIELD_WALK] * dt
-        bias = par[PAR_MAG_BIAS_WALK] * par[PAR_MAG_BIAS_WALK] * dt
-        for i in range(3):
-            P[packed(FIELD + i, FIELD + i)] += field
-            P[packed(MAG_BIAS + i, MAG_BIAS + i)] += bias
-    if n > WIND:
+        if P[packed(MAG_BIAS, MAG_BIAS)] > 0.0:
+            field = par[PAR_FIELD_WALK] * par[PAR_FIELD_WALK] * dt
+            bias = par[PAR_MAG_BIAS_WALK] * par[PAR_MAG_BIAS_WALK] * dt
+            for i in range(3):
+                P[packed(FIELD + i, FIELD + i)] += field
+                P[packed(MAG_BIAS + i, MAG_BIAS + i)] += bias
+    if n > WIND and P[packed(WIND, WIND)] > 0.0:
         wind = par[PAR_WIND_WALK] * par[PAR_WIND_WALK] * dt
         P[packed(WIND, WIND)] += wind
         P[packed(WIND + 1, WIND + 1)] += wind
+
+
+@kernel("void(float64[::1], int64, int64, float64, float64, float64)", contract=True)
+def fade(P: Float, first: int, n: int, keep: float, drive: float, drive_d: float) -> None:
+    """Advance the covariances of three Gauss-Markov states; a block that was never started stays at zero.
+
+    Args:
+        P: packed lower triangle.
+        first: of the three states.
+        n: active states.
+        keep: share of the error that is left after the step.
+        drive, drive_d: variance added to the two horizontal ones and to the one down, m².
+    """
+    if not P[packed(first, first)] > 0.0:
+        return
+    last = first + 3
+    k = first * (first + 1) // 2
+    for i in range(first, last):
+        for j in range(i + 1):
+            P[k + j] *= keep
+        k += i + 1
+    k = first * (first + 1) // 2
+    for i in range(first, n):
+        for j in range(first, min(i + 1, last)):
+            P[k + j] *= keep
+        k += i + 1
+    P[packed(first, first)] += drive
+    P[packed(first + 1, first + 1)] += drive
+    P[packed(first + 2, first + 2)] += drive_d
+
+
+@kernel("float64(float64[::1], float64[::1], float64[::1], int64, int64)", contract=True)
+def _turned(P: Float, u: Float, dtheta: Float, i: int, j: int) -> float:
+    """Return how far the errors of the gyro's scale and axes turn the attitude about axis i, times state j."""
+    total: float = 0.0
+    for r in range(3):
+        felt = 0.0
+        for c in range(3):
+            felt += dtheta[c] * P[packed(MIX + 3 * r + c, j)]
+        total += u[3 + 3 * i + r] * felt
+    return float(total / u[12])
+
+
+@kernel("void(float64[::1], float64[::1], float64[::1], int64)", contract=True)
+def turn_mix(P: Float, u: Float, dtheta: Float, n: int) -> None:
+    """Advance the attitude's covariances by the errors δM of the gyro's scale and axes: δθ ← δθ − (A/dt) δM Δθ.
+
+    Args:
+        P: packed lower triangle.
+        u: as `covariance.predict_covariance` takes it; A and dt are read.
+        dtheta: shape (3,), rotation over the step, rad.
+        n: active states.
+    """
+    for i in range(3):
+        for j in range(ATT + 3, n):
+            P[packed(ATT + i, j)] -= _turned(P, u, dtheta, i, j)
+    # The covariances of δM with the attitude are new already: the part quadratic in δM would count once too often.
+    for i in range(3):
+        for k in range(i + 1):
+            P[packed(ATT + i, ATT + k)] -= _turned(P, u, dtheta, i, ATT + k) + _turned(P, u, dtheta, k, ATT + i)
+            for r in range(3):
+                for c in range(3):
+                    g = u[3 + 3 * k + r] * dtheta[c] / u[12]
+                    P[packed(ATT + i, ATT + k)] -= g * _turned(P, u, dtheta, i, MIX + 3 * r + c)
+
+
+@kernel("void(float64[::1], float64[::1], float64[::1], float64[::1], float64[::1], float64[::1])")
+def predict_slow(x: Float, P: Float, u: Float, par: Float, aux: Float, work: Float) -> None:
+    """Advance the sensors' slow errors and delays, if there are any; to be called after `predict`, with the same step.
+
+    The baro's datum walks, the receiver's errors fade and come anew. Inside `predict` this would cost a filter without
+    such states 50 ns a step for the compiler's sake.
+    """
+    if work[W_DELAYS] > 0.0:
+        predict_sensitivities(work)
+    if work[W_DIM] <= BARO:
+        return
+    n, dt = int(work[W_DIM]), u[U_DT]
+    if P[packed(BARO, BARO)] > 0.0:
+        P[packed(BARO, BARO)] += par[PAR_BARO_DRIFT] * par[PAR_BARO_DRIFT] * dt
+    if n > WANDER:
+        keep = math.exp(-dt / par[PAR_GNSS_WANDER_TAU])
+        fresh = 1.0 - keep * keep
+        fade(P, WANDER, n, keep, fresh * aux[A_GNSS_WANDER_VAR], fresh * aux[A_GNSS_WANDER_VAR_D])
+        for i in range(3):
+            x[X_WANDER + i] *= keep
+    if n > JITTER and par[PAR_GNSS_JITTER_TAU] > 0.0:
+        keep = math.exp(-dt / par[PAR_GNSS_JITTER_TAU])
+        fresh = 1.0 - keep * keep
+        fade(P, JITTER, n, keep, fresh * aux[A_GNSS_JITTER_VAR], fresh * aux[A_GNSS_JITTER_VAR_D])
+        for i in range(3):
+            x[X_JITTER + i] *= keep
+    if n > MIX:
+        turn_mix(P, work, u[U_DTHETA : U_DTHETA + 3], n)
 
 
 @kernel("void(float64[::1], float64[::1], float64[::1], float64[::1], int64[::1])")
@@ -155,11 +261,13 @@ def _move(x: Float, u: Float, work: Float, aux: Float, ctl: Int) -> None:
             x[X_POS] += half * (vn + x[X_VEL]) / (meridian + height)
             x[X_POS + 2] -= half * (vd + x[X_VEL + 2])
     # Attitude: body rotation on the right, rotation of the local frame (under 1e-5 rad) on the left.
-    t = quat_from_rotvec(
-        u[U_DTHETA] - x[X_GYRO_BIAS] * dt,
-        u[U_DTHETA + 1] - x[X_GYRO_BIAS + 1] * dt,
-        u[U_DTHETA + 2] - x[X_GYRO_BIAS + 2] * dt,
-    )
+    rx, ry, rz = u[U_DTHETA], u[U_DTHETA + 1], u[U_DTHETA + 2]
+    bx, by, bz = x[X_GYRO_BIAS] * dt, x[X_GYRO_BIAS + 1] * dt, x[X_GYRO_BIAS + 2] * dt
+    if work[W_DIM] > MIX:
+        bx += x[X_MIX] * rx + x[X_MIX + 1] * ry + x[X_MIX + 2] * rz
+        by += x[X_MIX + 3] * rx + x[X_MIX + 4] * ry + x[X_MIX + 5] * rz
+        bz += x[X_MIX + 6] * rx + x[X_MIX + 7] * ry + x[X_MIX + 8] * rz
+    t = quat_from_rotvec(rx - bx, ry - by, rz - bz)
     new = quat_mul(qw, qx, qy, qz, t[0], t[1], t[2], t[3])
     new = quat_mul(1.0, -0.5 * wn * dt, -0.5 * we * dt, -0.5 * wd * dt, new[0], new[1], new[2], new[3])
     norm2 = new[0] * new[0] + new[1] * new[1] + new[2] * new[2] + new[3] * new[3]
@@ -180,5 +288,3 @@ def predict(x: Float, P: Float, u: Float, par: Float, aux: Float, ctl: Int, work
     """
     _move(x, u, work, aux, ctl)
     _predict_errors(P, u, par, work)
-    if work[W_DELAYS] > 0.0:
-        predict_sensitivities(work)

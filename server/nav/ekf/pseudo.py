@@ -12,18 +12,21 @@ from server.nav.ekf.layout import (
     A_SPEED_GNSS,
     A_T_GNSS_SEEN,
     A_T_GRAVITY,
+    A_T_QUICK,
     A_T_RATE,
     A_T_SIDESLIP,
     A_T_STILL,
     A_T_WHEELS,
     C_POSITIONED,
     C_STILL_STEPS,
+    C_VALID,
     H_ACC,
     H_AID,
     H_SIZE,
     H_STATUS,
     H_T,
     PAR_VEHICLE,
+    PAR_ZERO_VELOCITY,
     U_DT,
     U_T,
     UNDECIDED,
@@ -38,16 +41,19 @@ WHEELS_INTERVAL_NS: Final = 2e8
 FLYING_M_S: Final = 8.0  # over ground; a fixed wing this fast has taken off or is about to
 REST_BEFORE_ZERO_S: Final = 1.0
 STILL_SPEED_M_S: Final = 0.15
-ZERO_VELOCITY_M_S: Final = 0.05  # a vehicle that stands still sways on its legs or springs
 HOVER_VELOCITY_M_S: Final = 0.7
 """Without GNSS a hover looks like rest: a drift of 0.1 m/s that lasts for seconds, sampled ten times a second."""
+CONFIRMED_NS: Final = 0.8e9
+"""Rest is believed when it has lasted on for this long: a vehicle that lifts off gently is not held down. One that
+lands gently must have stood before, `REST_BEFORE_ZERO_S`."""
+BATCH: Final = 4  # rests confirmed at once: each time the filter is re-run from the first of them
 
 
-@kernel("void(float64[::1], float64[::1], float64)")
-def _pseudo(h: Float, u: Float, aid: float) -> None:
+@kernel("void(float64[::1], float64, float64)")
+def _pseudo(h: Float, t_ns: float, aid: float) -> None:
     for i in range(H_SIZE):
         h[i] = 0.0
-    h[H_AID], h[H_T], h[H_STATUS] = aid, u[U_T], UNDECIDED
+    h[H_AID], h[H_T], h[H_STATUS] = aid, t_ns, UNDECIDED
 
 
 @kernel(
@@ -79,28 +85,36 @@ def pseudo_measurements(
     flying = par[PAR_VEHICLE] == FIXED_WING and x[X_VEL] ** 2 + x[X_VEL + 1] ** 2 > FLYING_M_S**2
     if ctl[C_POSITIONED] and flying and t - aux[A_T_SIDESLIP] >= WHEELS_INTERVAL_NS:
         aux[A_T_SIDESLIP] = t
-        _pseudo(h, u, SIDESLIP)
+        _pseudo(h, t, SIDESLIP)
         dirty = attach(h, dirty, t, ctl, work, r_u, r_m, r_n, aids, aid_t)
     if ctl[C_POSITIONED] and par[PAR_VEHICLE] == CAR and t - aux[A_T_WHEELS] >= WHEELS_INTERVAL_NS:
         aux[A_T_WHEELS] = t
-        _pseudo(h, u, WHEELS)
+        _pseudo(h, t, WHEELS)
         dirty = attach(h, dirty, t, ctl, work, r_u, r_m, r_n, aids, aid_t)
     if not ctl[C_POSITIONED] and t - aux[A_T_GRAVITY] >= PSEUDO_INTERVAL_NS:
         aux[A_T_GRAVITY] = t
-        _pseudo(h, u, GRAVITY)
+        _pseudo(h, t, GRAVITY)
         dirty = attach(h, dirty, t, ctl, work, r_u, r_m, r_n, aids, aid_t)
-    if ctl[C_STILL_STEPS] * u[U_DT] < REST_BEFORE_ZERO_S or t - aux[A_T_RATE] < PSEUDO_INTERVAL_NS:
-        return dirty
     fresh = t - aux[A_T_GNSS_SEEN] < 2e9
     if ctl[C_POSITIONED]:
         speed = math.sqrt(x[X_VEL] ** 2 + x[X_VEL + 1] ** 2 + x[X_VEL + 2] ** 2)
         if speed > STILL_SPEED_M_S or (fresh and aux[A_SPEED_GNSS] > STILL_SPEED_M_S):
-            return dirty
-        aux[A_T_STILL] = t
-        _pseudo(h, u, ZERO_VELOCITY)
-        rolls = par[PAR_VEHICLE] == CAR or par[PAR_VEHICLE] == HAND_HELD
-        h[H_ACC] = ZERO_VELOCITY_M_S if fresh or rolls else HOVER_VELOCITY_M_S
-        dirty = attach(h, dirty, t, ctl, work, r_u, r_m, r_n, aids, aid_t)
+            aux[A_T_QUICK] = t
+    first = CONFIRMED_NS + (BATCH - 1) * PSEUDO_INTERVAL_NS
+    if t - aux[A_T_RATE] < BATCH * PSEUDO_INTERVAL_NS or ctl[C_VALID] * u[U_DT] * 1e9 <= first + PSEUDO_INTERVAL_NS:
+        return dirty
+    settled = first + REST_BEFORE_ZERO_S * 1e9
+    if ctl[C_STILL_STEPS] * u[U_DT] * 1e9 < settled or t - aux[A_T_QUICK] < settled:
+        return dirty
     aux[A_T_RATE] = t
-    _pseudo(h, u, ZERO_RATE)
-    return attach(h, dirty, t, ctl, work, r_u, r_m, r_n, aids, aid_t)
+    rolls = par[PAR_VEHICLE] == CAR or par[PAR_VEHICLE] == HAND_HELD
+    for k in range(BATCH):
+        at_rest = t - first + k * PSEUDO_INTERVAL_NS
+        if ctl[C_POSITIONED]:
+            aux[A_T_STILL] = t
+            _pseudo(h, at_rest, ZERO_VELOCITY)
+            h[H_ACC] = par[PAR_ZERO_VELOCITY] if fresh or rolls else HOVER_VELOCITY_M_S
+            dirty = attach(h, dirty, t, ctl, work, r_u, r_m, r_n, aids, aid_t)
+        _pseudo(h, at_rest, ZERO_RATE)
+        dirty = attach(h, dirty, t, ctl, work, r_u, r_m, r_n, aids, aid_t)
+    return dirty

@@ -7,11 +7,8 @@ import math
 from server.nav.codes import DEAD_RECKONING
 from server.nav.earth import ned_from_lla
 from server.nav.ekf.layout import (
-    A_BARO_OFFSET_VAR,
-    A_GNSS_WANDER_VAR,
     A_SITE,
     A_T_GNSS,
-    C_BARO_SEEN,
     C_MODE,
     C_POSITIONED,
     PAR_IMU_DELAY,
@@ -60,9 +57,6 @@ def publish(x: Float, P: Float, u: Float, par: Float, aux: Float, ctl: Int, out:
         out[26 + i] = ned[i] + step
         out[7 + i] = math.degrees(x[X_POS + i] + step / per_rad[i] * 1e-6) if i < 2 else x[X_POS + 2] - step
         out[13 + i] = math.sqrt(P[packed(VEL + i, VEL + i)])
-        wander = aux[A_GNSS_WANDER_VAR] if i < 2 else 0.0
-        out[16 + i] = math.sqrt(P[packed(POS + i, POS + i)] + wander)
+        out[16 + i] = math.sqrt(P[packed(POS + i, POS + i)])
     out[8] = (out[8] + 180.0) % 360.0 - 180.0
-    if ctl[C_BARO_SEEN]:
-        out[18] = math.sqrt(P[packed(POS + 2, POS + 2)] + aux[A_BARO_OFFSET_VAR])
     out[29] = max(0.0, (u[U_T] - aux[A_T_GNSS]) * 1e-9) if ctl[C_MODE] == DEAD_RECKONING else 0.0

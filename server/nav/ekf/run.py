@@ -14,12 +14,10 @@ from server.nav.ekf.intake import take
 from server.nav.ekf.layout import (
     A_ACCEL_MEAN,
     A_ACCEL_VAR,
-    A_BARO_OFFSET,
-    A_BARO_OFFSET_VAR,
     A_GNSS_INTERVAL,
-    A_GNSS_WANDER_VAR,
     A_GYRO_MEAN,
     A_GYRO_VAR,
+    A_K_ALT,
     A_K_BARO,
     A_K_MAG,
     A_K_POS,
@@ -52,7 +50,7 @@ from server.nav.ekf.layout import (
     W_M,
     W_USED,
 )
-from server.nav.ekf.predict import predict
+from server.nav.ekf.predict import predict, predict_slow
 from server.nav.ekf.pseudo import pseudo_measurements
 from server.nav.ekf.publish import publish
 from server.nav.ekf.states import ATT, POS, VEL, X_POS, X_Q, X_SIZE, X_VEL, packed
@@ -77,8 +75,8 @@ def _forget(x: Float, P: Float, aux: Float, ctl: Int) -> None:
     for i in range(3):
         x[X_POS + i] = aux[A_SITE + i]
         aux[A_GYRO_MEAN + i] = aux[A_GYRO_VAR + i] = aux[A_ACCEL_MEAN + i] = aux[A_ACCEL_VAR + i] = 0.0
-    aux[A_K_POS] = aux[A_K_VEL] = aux[A_K_BARO] = aux[A_K_MAG] = 1.0
-    aux[A_GNSS_WANDER_VAR] = aux[A_BARO_OFFSET] = aux[A_BARO_OFFSET_VAR] = aux[A_MAG_WEIGHT] = 0.0
+    aux[A_K_POS] = aux[A_K_VEL] = aux[A_K_ALT] = aux[A_K_BARO] = aux[A_K_MAG] = 1.0
+    aux[A_MAG_WEIGHT] = 0.0
     aux[A_T_START] = NEVER_NS
     ctl[C_POSITIONED] = ctl[C_VALID] = ctl[C_ALIGNED_BEFORE] = 0
     ctl[C_BARO_SEEN] = ctl[C_REFUSED_RUN] = ctl[C_STILL_STEPS] = ctl[C_HAS_HEADING] = 0
@@ -163,6 +161,7 @@ def run(
                 push(u, x, P, ctl, work, r_u, r_x, r_P, r_n)
         else:
             predict(x, P, u, par, aux, ctl, work)
+            predict_slow(x, P, u, par, aux, work)
             bank_predict(u, x, par, bank)
             if not ctl[C_POSITIONED]:
                 for i in range(3):

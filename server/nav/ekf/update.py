@@ -10,6 +10,7 @@ from server.nav.ekf.predict import move_position
 from server.nav.ekf.states import (
     ACCEL_BIAS,
     ATT,
+    BARO,
     FIELD,
     GYRO_BIAS,
     MAG_BIAS,
@@ -17,6 +18,7 @@ from server.nav.ekf.states import (
     VEL,
     WIND,
     X_ACCEL_BIAS,
+    X_BARO,
     X_FIELD,
     X_GYRO_BIAS,
     X_MAG_BIAS,
@@ -104,7 +106,8 @@ def fuse(P: Float, work: Float, innovation: float, variance: float) -> None:
         for j in range(i + 1):
             P[k] -= gain * work[W_PH + j]
             k += 1
-        P[k - 1] = max(P[k - 1], MIN_VARIANCE)
+        if gain != 0.0:  # a block that is not in use stays at zero
+            P[k - 1] = max(P[k - 1], MIN_VARIANCE)
 
 
 @kernel("void(float64[::1], float64)")
@@ -141,10 +144,14 @@ def inject(x: Float, P: Float, work: Float) -> None:
         x[X_ACCEL_BIAS + i] += d[ACCEL_BIAS + i]
         x[X_FIELD + i] += d[FIELD + i]
         x[X_MAG_BIAS + i] += d[MAG_BIAS + i]
-    x[X_WIND] += d[WIND]
-    x[X_WIND + 1] += d[WIND + 1]
+    n = int(work[W_DIM])
+    if n > WIND:
+        x[X_WIND] += d[WIND]
+        x[X_WIND + 1] += d[WIND + 1]
+    for i in range(BARO, n):  # the sensors' slow errors stand in both tables in the same order
+        x[X_BARO + i - BARO] += d[i]
     move_position(x, d[POS], d[POS + 1], d[POS + 2])
-    for i in range(N):
+    for i in range(n):
         d[i] = 0.0
 
 
@@ -159,7 +166,7 @@ def reset_axis(P: Float, axis: int, variance: float) -> None:
 @kernel("void(float64[::1])")
 def clear_row(work: Float) -> None:
     """Set H = 0."""
-    for j in range(N):
+    for j in range(int(work[W_DIM])):
         work[W_H + j] = 0.0
     for i in range(DELAYS):
         work[W_D + i] = 0.0

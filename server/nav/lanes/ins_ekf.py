@@ -10,10 +10,11 @@ import numpy as np
 from server.nav.ekf import defaults
 from server.nav.ekf import layout as at
 from server.nav.ekf.align import turn_about_down
-from server.nav.ekf.blocks import start_field
+from server.nav.ekf.blocks import fuse_field_model, start_field, turn_field
 from server.nav.ekf.delays import start_delays
+from server.nav.ekf.pseudo import BATCH
 from server.nav.ekf.run import run
-from server.nav.ekf.states import ATT, FIELD, INERTIAL, PACKED, WITH_MAG, X_POS, X_Q, X_SIZE, packed
+from server.nav.ekf.states import FIELD, INERTIAL, PACKED, POS, X_POS, X_Q, X_SIZE, packed
 from server.nav.ekf.yaw_bank import new_bank
 from server.nav.lanes.base import LaneContext, LaneResult, Parameter, Provides
 from server.nav.lanes.ins_ekf_attitude import AttitudeMode
@@ -34,7 +35,7 @@ from server.nav.types import (
 
 NEVER_YET: Final = (
     at.A_T_GNSS, at.A_T_GNSS_SEEN, at.A_T_START, at.A_T_ASTRAY, at.A_T_RESET, at.A_T_MAG, at.A_T_BARO, at.A_T_STILL,
-    at.A_T_RATE, at.A_T_GRAVITY, at.A_T_WHEELS, at.A_T_AIRSPEED, at.A_T_SIDESLIP,
+    at.A_T_RATE, at.A_T_GRAVITY, at.A_T_WHEELS, at.A_T_AIRSPEED, at.A_T_SIDESLIP, at.A_T_QUICK,
 )  # fmt: skip
 
 
@@ -56,7 +57,8 @@ class InsEkf:
         self._aux, self._ctl = np.zeros(at.A_SIZE), np.zeros(at.C_SIZE, dtype=np.int64)
         for index in NEVER_YET:
             self._aux[index] = at.NEVER_NS
-        self._aux[at.A_K_POS] = self._aux[at.A_K_VEL] = self._aux[at.A_K_BARO] = self._aux[at.A_K_MAG] = 1.0
+        for index in (at.A_K_POS, at.A_K_VEL, at.A_K_ALT, at.A_K_BARO, at.A_K_MAG):
+            self._aux[index] = 1.0
         self._aux[at.A_GNSS_INTERVAL] = 1.0
         self._aux[at.A_GRAVITY] = 9.80665
         self._work, self._h = np.zeros(at.W_SIZE), np.zeros(at.H_SIZE)
@@ -70,6 +72,7 @@ class InsEkf:
         self._choose_delays(context)
         self._attitude = AttitudeMode(context)
         self._pending: list[Event] = []
+        self._t_ns = 0
 
     def configure(self, context: LaneContext) -> None:
         """Take other parameters from the next step on."""
@@ -97,11 +100,14 @@ class InsEkf:
             north, east, down = site.field_n_gauss
             aux[at.A_DECLINATION], aux[at.A_FIELD_D] = site.declination_rad, down
             aux[at.A_FIELD_H], ctl[at.C_HAS_FIELD] = math.hypot(north, east), 1
-            if self._work[at.W_DIM] >= WITH_MAG:
-                start_field(self._x, self._P, self._par, aux, ctl)
-            if ctl[at.C_MODE] != LaneStatus.ALIGNING and magnetic:
+            if ctl[at.C_MODE] == LaneStatus.ALIGNING or not magnetic:
+                if self._P[packed(FIELD, FIELD)] > 0.0:
+                    start_field(self._x, self._P, self._par, aux, ctl)
+            else:
                 turn_about_down(self._x, self._P, site.declination_rad)
-                self._couple_declination(site)
+                variance = self._par[at.PAR_DECLINATION_SIGMA] ** 2
+                turn_field(self._x, self._P, site.declination_rad, variance)
+                fuse_field_model(self._x, self._P, self._par, aux, self._work)
                 t_ns = int(self._r_u[self._newest(), at.U_T]) + self._t0_ns
                 self._pending.append(event(at.E_YAW_RESET, t_ns, site.declination_rad, 0.0))
         if ctl[at.C_VALID] > 0:  # what is older was held in the other frame and cannot be re-run
@@ -109,13 +115,13 @@ class InsEkf:
             self._r_n[self._newest()] = 0  # they are in the state already
             ctl[at.C_VALID] = 1
 
-    def _couple_declination(self, site: Site) -> None:
-        """Say that the heading is now the magnetic one plus a declination with its own error."""
-        P, D = self._P, site.declination_rad
-        variance = self._par[at.PAR_DECLINATION_SIGMA] ** 2
-        across = variance * self._aux[at.A_FIELD_H]
-        P[packed(ATT + 2, FIELD)], P[packed(ATT + 2, FIELD + 1)] = -math.sin(D) * across, math.cos(D) * across
-        P[packed(ATT + 2, ATT + 2)] += variance
+    def covariance(self) -> tuple[int, Float] | None:
+        """Return (t_ns, P) of the newest row, P (9, 9): attitude rad, velocity m/s, position m, NED; None before."""
+        if self._ctl[at.C_MODE] == LaneStatus.ALIGNING:
+            return None
+        P = np.zeros((POS + 3, POS + 3))
+        P[np.tril_indices(POS + 3)] = self._P[: packed(POS + 3, 0)]
+        return self._t_ns, P + np.tril(P, -1).T
 
     def _newest(self) -> int:
         return int(self._ctl[at.C_HEAD] - 1) % len(self._r_u)
@@ -124,7 +130,7 @@ class InsEkf:
         """Advance over steps and measurements; see `Lane.step`."""
         n = len(steps)
         rows = np.empty((n, len(LANE_COLUMNS)))
-        most = 3 * len(meas) + 6 * n
+        most = 3 * len(meas) + (4 + 2 * BATCH) * n
         aids, aid_t = np.empty((most, len(AID_COLUMNS))), np.empty(most)
         events = np.empty((4 * n + len(meas) + 4, at.E_SIZE))
         self._ctl[at.C_AIDS] = self._ctl[at.C_EVENTS] = 0
@@ -132,6 +138,7 @@ class InsEkf:
             steps, meas, self._x, self._P, self._par, self._aux, self._ctl, self._work,
             self._r_u, self._r_x, self._r_P, self._r_m, self._r_n, rows, aids, aid_t, events, self._h, self._bank,
         )  # fmt: skip
+        self._t_ns = int(t_ns[-1]) if n else self._t_ns
         k = int(self._ctl[at.C_AIDS])
         aid_rows = AidRows(t_ns=aid_t[:k].astype(np.int64) + self._t0_ns, data=aids[:k])
         aid_rows.data[:, 15] += self._t0_ns

@@ -26,8 +26,8 @@ from server.nav.lanes.base import LaneContext
 from server.nav.lanes.ins_ekf import InsEkf
 from server.nav.types import AID_COLUMNS, LANE_COLUMNS, Float, Int
 
-WINDOW_STEPS: Final = 16_384
-"""Steps whose way is kept at once, 5 kB each: 5.5 minutes at 50 Hz."""
+WINDOW_STEPS: Final = 8_192
+"""Steps whose way is kept at once, 10 kB each: 2.7 minutes at 50 Hz."""
 CHUNK_STEPS: Final = 64
 STATUS: Final = LANE_COLUMNS.index("status")
 
@@ -102,7 +102,7 @@ class Recorder(InsEkf):
             return
         self._own_work[at.W_DIM] = self._work[at.W_DIM]
         record_slots(
-            end, head, head - alive, self.t, self._own_x, self._own_P, self._before, self._h, self._par,
+            end, head - alive, self.t, self._own_x, self._own_P, self._before, self._h, self._par,
             self._aux.copy(), self._ctl.copy(), self._own_work, self._r_u, self._r_x, self._r_P, self._r_m, self._r_n,
             np.empty((1, len(AID_COLUMNS))), np.empty(1), np.empty((8, at.E_SIZE)), *tape.arrays(more),
         )  # fmt: skip

@@ -14,7 +14,6 @@ from server.nav.ekf.layout import (
     HANDLER,
     PAR_GATE,
     UNDECIDED,
-    W_DIM,
     W_H,
     W_INNOV,
     W_OBS,
@@ -22,7 +21,7 @@ from server.nav.ekf.layout import (
     W_RATIO,
     W_VAR,
 )
-from server.nav.ekf.states import ATT, VEL, WIND, X_POS, X_Q, X_VEL, X_WIND, N
+from server.nav.ekf.states import ATT, VEL, WIND, X_POS, X_Q, X_VEL, X_WIND, packed
 from server.nav.ekf.update import clear_row, correction_seen, fuse, project
 from server.nav.kernel import kernel
 from server.nav.rotation import matrix_entries
@@ -81,7 +80,7 @@ def airspeed(h: Float, x: Float, P: Float, u: Float, par: Float, aux: Float, ctl
     if h[H_STATUS] == UNDECIDED and speed < LEAST_M_S:
         h[H_STATUS] = REFUSED_NOT_READY
         return
-    if work[W_DIM] < N:
+    if not P[packed(WIND, WIND)] > 0.0:
         switch_wind_on(x, P, par, work)
     an, ae, ad = x[X_VEL] - x[X_WIND], x[X_VEL + 1] - x[X_WIND + 1], x[X_VEL + 2]
     predicted = math.sqrt(an * an + ae * ae + ad * ad)
@@ -95,7 +94,7 @@ def airspeed(h: Float, x: Float, P: Float, u: Float, par: Float, aux: Float, ctl
 @kernel(HANDLER)
 def sideslip(h: Float, x: Float, P: Float, u: Float, par: Float, aux: Float, ctl: Int, work: Float) -> None:
     """Correct a fixed wing's sideways velocity against the air towards zero: R_bn (v − w) across, and [v − w]× δθ."""
-    if work[W_DIM] < N:
+    if not P[packed(WIND, WIND)] > 0.0:
         switch_wind_on(x, P, par, work)
     an, ae, ad = x[X_VEL] - x[X_WIND], x[X_VEL + 1] - x[X_WIND + 1], x[X_VEL + 2]
     R = matrix_entries(x[X_Q], x[X_Q + 1], x[X_Q + 2], x[X_Q + 3])

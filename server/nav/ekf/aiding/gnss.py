@@ -11,11 +11,11 @@ from typing import Final
 
 from server.nav.codes import FUSED, REFUSED_GATE
 from server.nav.earth import curvature_radii, ned_from_lla
+from server.nav.ekf.blocks import start_jitter, start_wander
 from server.nav.ekf.delays import POSITION, VELOCITY
 from server.nav.ekf.layout import (
-    A_BARO_OFFSET,
-    A_BARO_OFFSET_VAR,
     A_GNSS_INTERVAL,
+    A_K_ALT,
     A_K_POS,
     A_K_VEL,
     A_SITE,
@@ -26,13 +26,18 @@ from server.nav.ekf.layout import (
     H_ACC,
     H_DATA,
     H_FLOOR,
-    H_SHIFT,
     H_STATUS,
     H_T,
     H_VAR,
+    H_WANDER,
+    H_WANDER_D,
     HANDLER,
     PAR_GATE,
     PAR_GNSS_CORRELATION,
+    PAR_GNSS_JITTER,
+    PAR_GNSS_JITTER_TAU,
+    PAR_GNSS_SPEED,
+    PAR_GNSS_SPEED_TAU,
     PAR_LEVER,
     U_ACCEL_MEAN,
     U_GYRO,
@@ -47,7 +52,21 @@ from server.nav.ekf.layout import (
     W_VAR,
 )
 from server.nav.ekf.predict import gravity_here, move_position
-from server.nav.ekf.states import POS, VEL, X_ACCEL_BIAS, X_GYRO_BIAS, X_POS, X_Q, X_VEL, packed
+from server.nav.ekf.states import (
+    JITTER,
+    POS,
+    VEL,
+    WANDER,
+    WITH_JITTER,
+    X_ACCEL_BIAS,
+    X_GYRO_BIAS,
+    X_JITTER,
+    X_POS,
+    X_Q,
+    X_VEL,
+    X_WANDER,
+    packed,
+)
 from server.nav.ekf.update import clear_row, correction_seen, fuse, project, reset_axis
 from server.nav.kernel import kernel
 from server.nav.rotation import matrix_entries
@@ -59,14 +78,15 @@ K_MIN: Final = 0.0004  # a fiftieth of the reported standard deviation
 K_MAX: Final = 400.0
 JUDGED_K: Final = 0.1  # a run of repeated digits must not make the first movement an outlier
 REFUSED_K: Final = 4.0  # a receiver twice as bad as it says is possible, ten times is a glitch
-POSITION_FLOOR_M: Final = 0.005  # rounding to 1e-7 degrees, 11 mm, is 3 mm RMS
+ROUNDING_M: Final = 0.003  # 1e-7 degrees, 11 mm, over √12
+POSITION_FLOOR_M: Final = 0.005
 VELOCITY_FLOOR_M_S: Final = 0.01  # resolution of centimetres a second
 BARO_FRESH_NS: Final = 2e9
 RESET_SPEED_M_S: Final = 10.0
 POSITION_CORRELATION: Final = 4.0
-"""Variance factor: (1 + ρ)/(1 − ρ) with ρ = 0.6 from fix to fix. A receiver's slow error is not averaged here but
-published on top (`intake.WANDER_SHARE`)."""
-ALTITUDE_CORRELATION_S: Final = 10.0  # GNSS height errors stay the same over about this long (data INDEX)
+"""Variance factor: (1 + ρ)/(1 − ρ) with ρ = 0.6 from fix to fix, of an error whose memory is not told. A receiver's
+slow error is not averaged here but a state of the filter (`states`)."""
+ALTITUDE_CORRELATION_S: Final = 10.0  # heights of a carrier-phase fix keep their error about this long (data INDEX)
 
 
 @kernel("UniTuple(float64, 9)(float64[::1], float64[::1], float64[::1], float64[::1], int64[::1], float64)")
@@ -105,101 +125,119 @@ def tracked_ratio(k: float, excess: float, learn: float) -> float:
     return min(K_MAX, max(K_MIN, k + learn * (min(excess, 10.0 * k + 1.0) - k)))
 
 
-@kernel("void(float64[::1], float64[::1], int64, int64, float64, int64)")
-def _scale(h: Float, aux: Float, axes: int, k_index: int, floor: float, first: int) -> None:
-    """Set the variances of `axes` components from the reported accuracies and the tracked ratio."""
-    for i in range(first, first + axes):
-        h[H_VAR + i] = max(floor * floor, h[H_FLOOR] ** 2, aux[k_index] * h[H_ACC + i] ** 2)
-
-
-@kernel("void(float64[::1], float64[::1], float64[::1], float64[::1], int64, int64, int64)")
-def _learn(h: Float, P: Float, aux: Float, work: Float, state: int, n: int, k_index: int) -> None:
+@kernel("float64(float64[::1], float64[::1], float64[::1], float64[::1], int64, int64, int64)")
+def _learn(h: Float, own: Float, aux: Float, work: Float, first: int, n: int, k_index: int) -> float:
     """Track the ratio of the innovations' variance, less the filter's own share, to the reported variance."""
     excess = 0.0
-    for i in range(n):
-        excess += (work[W_INNOV + i] ** 2 - P[packed(state + i, state + i)]) / (n * h[H_ACC + i] ** 2)
+    for i in range(first, first + n):
+        excess += (work[W_INNOV + i] ** 2 - own[i]) / (n * h[H_ACC + i] ** 2)
     aux[k_index] = tracked_ratio(aux[k_index], excess, LEARN)
+    k: float = aux[k_index]
+    return k
 
 
-@kernel("void(float64[::1], float64[::1], float64[::1], float64[::1], int64, int64)")
-def _judge(h: Float, P: Float, par: Float, work: Float, state: int, n: int) -> None:
-    """Decide once whether a measurement is believed: worst component against its gate."""
+@kernel("void(float64[::1], float64[::1], float64[::1], int64)")
+def _judge(h: Float, par: Float, work: Float, n: int) -> None:
+    """Decide once whether a measurement is believed: worst component against its gate.
+
+    work[W_VAR:] holds the filter's own share. Its noise as it is weighted, repetition included, widens the gate.
+    """
     worst = 0.0
     for i in range(n):
-        variance = P[packed(state + i, state + i)] + h[H_VAR + i]
-        work[W_VAR + i] = variance
+        variance = work[W_VAR + i] + h[H_VAR + i]
         ratio = work[W_INNOV + i] ** 2 / (par[PAR_GATE] ** 2 * variance)
         worst = ratio if not ratio <= worst else worst  # a NaN stays and refuses
     work[W_RATIO] = worst
     h[H_STATUS] = FUSED if worst <= 1.0 else REFUSED_GATE
 
 
-@kernel(
-    "void(float64[::1], float64[::1], float64[::1], float64[::1], float64[::1], int64, int64, int64, float64, float64)"
-)
+@kernel("float64(float64[::1], float64, int64, float64)")
+def _variance(h: Float, k: float, axis: int, floor: float) -> float:
+    """Return the variance of one component: the reported one as far as the innovations bear it out."""
+    return float(max(floor * floor, h[H_FLOOR] ** 2, k * h[H_ACC + axis] ** 2))
+
+
+@kernel("float64(float64[::1], float64[::1], float64[::1], float64[::1], float64[::1], int64, int64, float64, float64)")
 def _believe(
-    h: Float,
-    P: Float,
-    par: Float,
-    aux: Float,
-    work: Float,
-    state: int,
-    n: int,
-    k_index: int,
-    floor: float,
-    alike: float,
-) -> None:
+    h: Float, own: Float, par: Float, aux: Float, work: Float, n: int, k_index: int, floor: float, alike: float
+) -> float:
     """Judge by what was known before this fix, then learn from it; a refused one teaches only so much.
 
     Otherwise a receiver that jumps would talk the filter into believing the jump: its own contradiction, taken for
-    noise, would open the gate within seconds.
+    noise, would open the gate within seconds. Returns the tracked ratio as it is now.
     """
     before = aux[k_index]
-    aux[k_index] = max(before, JUDGED_K)
-    _scale(h, aux, n, k_index, floor, 0)
     for i in range(n):
-        h[H_VAR + i] *= alike
-    _judge(h, P, par, work, state, n)
-    aux[k_index] = before
-    _learn(h, P, aux, work, state, 2, k_index)
+        h[H_VAR + i] = alike * _variance(h, max(before, JUDGED_K), i, floor)
+    _judge(h, par, work, n)
+    k = _learn(h, own, aux, work, 0, 2, k_index)
     if h[H_STATUS] != FUSED:
-        aux[k_index] = min(aux[k_index], max(before, REFUSED_K))
-    _scale(h, aux, n, k_index, floor, 0)
+        k = aux[k_index] = min(k, max(before, REFUSED_K))
     for i in range(n):
-        h[H_VAR + i] *= alike
+        h[H_VAR + i] = alike * _variance(h, k, i, floor)
+    return float(k)
 
 
-@kernel("void(float64[::1], float64[::1], int64, float64, float64, int64, float64)")
-def _fuse_axis(
-    P: Float, work: Float, state: int, innovation: float, variance: float, delay: int, change: float
-) -> None:
-    """Fuse one directly observed state, which changes by so much a second and is late by delay number `delay`."""
+@kernel("void(float64[::1], float64[::1], float64[::1], int64)")
+def observe(h: Float, P: Float, work: Float, axis: int) -> None:
+    """Set the row of H of one axis of a fix: the position and the receiver's own slow and quick error."""
     clear_row(work)
-    work[W_H + state] = 1.0
-    work[W_D + delay] = -change
-    total = project(P, work) + variance
-    fuse(P, work, innovation - correction_seen(work), total)
+    work[W_H + POS + axis] = 1.0
+    if h[H_WANDER] > 0.0:
+        work[W_H + WANDER + axis] = 1.0
+    if P[packed(JITTER, JITTER)] > 0.0:
+        work[W_H + JITTER + axis] = 1.0
+
+
+@kernel("float64(float64[::1])")
+def _down_ratio(h: Float) -> float:
+    """Return the receiver's own ratio of its error down to that of one horizontal axis."""
+    return float(math.sqrt(2.0) * h[H_ACC + 2] / h[H_ACC])
+
+
+@kernel("void(float64[::1], float64[::1], float64[::1], float64[::1], float64[::1])")
+def _start_slow(h: Float, x: Float, P: Float, par: Float, work: Float) -> None:
+    """Activate the receiver's slow and quick errors when a fix first needs them."""
+    if h[H_WANDER] > 0.0 and not P[packed(WANDER, WANDER)] > 0.0:
+        start_wander(x, P, work, h[H_WANDER], h[H_WANDER_D])
+    told = math.isfinite(par[PAR_GNSS_JITTER]) and par[PAR_GNSS_JITTER_TAU] > 0.0
+    if told and not P[packed(JITTER, JITTER)] > 0.0:
+        start_jitter(x, P, work, par[PAR_GNSS_JITTER], par[PAR_GNSS_JITTER] * _down_ratio(h))
 
 
 @kernel("void(float64[::1], float64[::1], float64[::1], float64[::1], int64[::1], float64[::1])")
 def _decide_position(h: Float, P: Float, par: Float, aux: Float, ctl: Int, work: Float) -> None:
-    """Set status, variances and, while the baro carries the height, how far its datum moves."""
-    _believe(h, P, par, aux, work, POS, 2, A_K_POS, POSITION_FLOOR_M, POSITION_CORRELATION)
-    h[H_SHIFT] = h[H_VAR + 2] = 0.0
-    has_height = not math.isnan(h[H_DATA + 2])
-    slow = max(1.0, 2.0 * ALTITUDE_CORRELATION_S / max(0.05, aux[A_GNSS_INTERVAL]))
-    if has_height and ctl[C_BARO_SEEN] and h[H_T] - aux[A_T_BARO] < BARO_FRESH_NS:
-        variance = h[H_ACC + 2] ** 2 * slow
-        total = aux[A_BARO_OFFSET_VAR] + P[packed(POS + 2, POS + 2)] + variance
-        work[W_VAR + 2] = total
-        if h[H_STATUS] == FUSED and work[W_INNOV + 2] ** 2 < par[PAR_GATE] ** 2 * total:
-            gain = aux[A_BARO_OFFSET_VAR] / total
-            h[H_SHIFT] = -gain * work[W_INNOV + 2]
-            aux[A_BARO_OFFSET] += h[H_SHIFT]
-            aux[A_BARO_OFFSET_VAR] *= 1.0 - gain
-    elif has_height:
-        h[H_VAR + 2] = h[H_ACC + 2] ** 2 * math.sqrt(slow)
-        work[W_VAR + 2] = P[packed(POS + 2, POS + 2)] + h[H_VAR + 2]
+    """Set status and variances: what is recorded is the fix's own, what is weighted also counts its repetition."""
+    n = 2 if math.isnan(h[H_DATA + 2]) else 3
+    own = work[W_VAR : W_VAR + 3]
+    for i in range(n):
+        observe(h, P, work, i)
+        own[i] = project(P, work)
+    if math.isfinite(par[PAR_GNSS_JITTER]):
+        white = 0.0 if par[PAR_GNSS_JITTER_TAU] > 0.0 else par[PAR_GNSS_JITTER] ** 2
+        repeats = 1.0
+        h[H_VAR] = h[H_VAR + 1] = ROUNDING_M**2 + white
+        v2 = ROUNDING_M**2 + white * _down_ratio(h) ** 2
+        _judge(h, par, work, 2)
+    else:
+        repeats = POSITION_CORRELATION
+        _believe(h, own, par, aux, work, 2, A_K_POS, POSITION_FLOOR_M, repeats)
+        v2 = h[H_ACC + 2] ** 2
+        if n == 3 and h[H_WANDER] > 0.0:
+            v2 = _variance(h, _learn(h, own, aux, work, 2, 1, A_K_ALT), 2, POSITION_FLOOR_M)
+    own[0] += h[H_VAR] / repeats
+    own[1] += h[H_VAR + 1] / repeats
+    if n == 2:
+        h[H_VAR + 2] = 0.0
+        return
+    h[H_VAR + 2] = v2 * repeats
+    by_baro = ctl[C_BARO_SEEN] == 1 and h[H_T] - aux[A_T_BARO] < BARO_FRESH_NS
+    if not h[H_WANDER] > 0.0:
+        slow = max(1.0, 2.0 * ALTITUDE_CORRELATION_S / max(0.05, aux[A_GNSS_INTERVAL]))
+        h[H_VAR + 2] = v2 * (slow if by_baro else math.sqrt(slow))
+    if by_baro and not work[W_INNOV + 2] ** 2 < par[PAR_GATE] ** 2 * (own[2] + h[H_VAR + 2]):
+        h[H_VAR + 2] = 0.0
+    own[2] += v2
 
 
 @kernel(HANDLER)
@@ -212,25 +250,38 @@ def position(h: Float, x: Float, P: Float, u: Float, par: Float, aux: Float, ctl
     work[W_INNOV] = (h[H_DATA] - x[X_POS]) * (meridian + x[X_POS + 2]) - ant[0]
     work[W_INNOV + 1] = dlon * (prime + x[X_POS + 2]) * math.cos(x[X_POS]) - ant[1]
     work[W_INNOV + 2] = x[X_POS + 2] - h[H_DATA + 2] - ant[2]
+    _start_slow(h, x, P, par, work)
     for i in range(3):
-        work[W_PRED + i] = here[i] + ant[i]
+        slow = x[X_JITTER + i] + (x[X_WANDER + i] if h[H_WANDER] > 0.0 else 0.0)
+        work[W_INNOV + i] -= slow
+        work[W_PRED + i] = here[i] + ant[i] + slow
         work[W_OBS + i] = work[W_PRED + i] + work[W_INNOV + i]
     if h[H_STATUS] == UNDECIDED:
         _decide_position(h, P, par, aux, ctl, work)
     if h[H_STATUS] != FUSED:
         return
-    _fuse_axis(P, work, POS, work[W_INNOV], h[H_VAR], POSITION, ant[3])
-    _fuse_axis(P, work, POS + 1, work[W_INNOV + 1], h[H_VAR + 1], POSITION, ant[4])
-    if h[H_VAR + 2] > 0.0:
-        _fuse_axis(P, work, POS + 2, work[W_INNOV + 2], h[H_VAR + 2], POSITION, ant[5])
-    x[X_POS + 2] += h[H_SHIFT]
+    for i in range(3 if h[H_VAR + 2] > 0.0 else 2):
+        observe(h, P, work, i)
+        work[W_D + POSITION] = -ant[3 + i]
+        total = project(P, work) + h[H_VAR + i]
+        fuse(P, work, work[W_INNOV + i] - correction_seen(work), total)
 
 
 @kernel(HANDLER)
 def reset_position(h: Float, x: Float, P: Float, u: Float, par: Float, aux: Float, ctl: Int, work: Float) -> None:
-    """Put the state at the receiver's position, with its accuracy and an unknown velocity; the size stays in work."""
+    """Put the state at the receiver's position, with its accuracy and an unknown velocity; the size stays in work.
+
+    The receiver's own slow and quick errors, unknown again, are then errors of the position too, reversed.
+    """
+    for i in range(WANDER, WITH_JITTER):
+        reset_axis(P, i, 0.0)
+    _start_slow(h, x, P, par, work)
     for i in range(3):
-        reset_axis(P, POS + i, h[H_ACC + i] ** 2)
+        slow = P[packed(WANDER + i, WANDER + i)]
+        quick = P[packed(JITTER + i, JITTER + i)]
+        least = slow + quick + POSITION_FLOOR_M**2
+        reset_axis(P, POS + i, least if math.isfinite(par[PAR_GNSS_JITTER]) else max(least, h[H_ACC + i] ** 2))
+        P[packed(POS + i, WANDER + i)], P[packed(POS + i, JITTER + i)] = -slow, -quick
         reset_axis(P, VEL + i, RESET_SPEED_M_S**2)
         if not ctl[C_POSITIONED]:
             x[X_VEL + i] = 0.0
@@ -245,8 +296,42 @@ def reset_position(h: Float, x: Float, P: Float, u: Float, par: Float, aux: Floa
     ant = antenna(x, u, par, aux, ctl, h[H_T])
     move_position(x, -ant[0], -ant[1], -ant[2])
     if h[H_STATUS] == UNDECIDED:
-        aux[A_K_POS] = aux[A_K_VEL] = 1.0
+        aux[A_K_POS] = aux[A_K_VEL] = aux[A_K_ALT] = 1.0
         aux[A_T_RESET] = h[H_T]
+
+
+@kernel("float64(float64, float64, float64)")
+def _followed(own: float, variance: float, repeats: float) -> float:
+    """Return the covariance of the filter's error with that of a new fix, because it followed those before.
+
+    With gain g and errors alike by ρ from fix to fix, Σ g (1 − g)^(j − 1) ρ^j v over the fixes j before.
+    """
+    alike = (repeats - 1.0) / (repeats + 1.0)
+    gain = own / (own + repeats * variance)
+    return float(gain * alike * variance / (1.0 - (1.0 - gain) * alike))
+
+
+@kernel("void(float64[::1], float64[::1], float64[::1], float64[::1], float64[::1], int64)")
+def _decide_velocity(h: Float, P: Float, par: Float, aux: Float, work: Float, n: int) -> None:
+    """Set status and variances; successive errors are alike, so fewer of them count than there are."""
+    own = work[W_VAR : W_VAR + 3]
+    for i in range(3):
+        own[i] = P[packed(VEL + i, VEL + i)]
+    told = math.isfinite(par[PAR_GNSS_SPEED])
+    repeats = par[PAR_GNSS_CORRELATION]
+    if told:
+        alike = math.exp(-aux[A_GNSS_INTERVAL] / par[PAR_GNSS_SPEED_TAU]) if par[PAR_GNSS_SPEED_TAU] > 0.0 else 0.0
+        repeats = (1.0 + alike) / (1.0 - alike)
+        for i in range(3):
+            h[H_VAR + i] = repeats * max(VELOCITY_FLOOR_M_S**2, par[PAR_GNSS_SPEED] ** 2)
+        _judge(h, par, work, n)
+    else:
+        _believe(h, own, par, aux, work, n, A_K_VEL, VELOCITY_FLOOR_M_S, repeats)
+    for i in range(n):
+        v = h[H_VAR + i] / repeats
+        own[i] += v if not told else v - 2.0 * _followed(own[i], v, repeats)
+    if n == 2:
+        own[2] = math.nan
 
 
 @kernel(HANDLER)
@@ -259,7 +344,11 @@ def velocity(h: Float, x: Float, P: Float, u: Float, par: Float, aux: Float, ctl
         work[W_OBS + i] = h[H_DATA + i]
         work[W_INNOV + i] = h[H_DATA + i] - ant[3 + i]
     if h[H_STATUS] == UNDECIDED:
-        _believe(h, P, par, aux, work, VEL, n, A_K_VEL, VELOCITY_FLOOR_M_S, par[PAR_GNSS_CORRELATION])
+        _decide_velocity(h, P, par, aux, work, n)
     if h[H_STATUS] == FUSED:
         for i in range(n):
-            _fuse_axis(P, work, VEL + i, work[W_INNOV + i], h[H_VAR + i], VELOCITY, ant[6 + i])
+            clear_row(work)
+            work[W_H + VEL + i] = 1.0
+            work[W_D + VELOCITY] = -ant[6 + i]
+            total = project(P, work) + h[H_VAR + i]
+            fuse(P, work, work[W_INNOV + i] - correction_seen(work), total)

@@ -3,7 +3,6 @@
 from __future__ import annotations
 
 import math
-from typing import Final
 
 from server.nav.codes import FUSED
 from server.nav.ekf.layout import (
@@ -12,6 +11,7 @@ from server.nav.ekf.layout import (
     H_VAR,
     HANDLER,
     PAR_GRAVITY_NOISE,
+    PAR_ZERO_RATE,
     U_ACCEL_MEAN,
     U_GYRO_MEAN,
     UNDECIDED,
@@ -28,8 +28,6 @@ from server.nav.ekf.update import clear_row, correction_seen, fuse, project
 from server.nav.kernel import kernel
 from server.nav.rotation import matrix_entries
 from server.nav.types import Float, Int
-
-ZERO_RATE_RAD_S: Final = 0.004  # mean over one step of a board at rest: noise and sway
 
 
 @kernel("void(float64[::1], float64[::1], float64[::1], int64, float64, float64)")
@@ -59,7 +57,7 @@ def zero_rate(h: Float, x: Float, P: Float, u: Float, par: Float, aux: Float, ct
     R = matrix_entries(x[X_Q], x[X_Q + 1], x[X_Q + 2], x[X_Q + 3])
     w = frame_rate(x, ctl)
     if h[H_STATUS] == UNDECIDED:
-        h[H_VAR], h[H_STATUS] = ZERO_RATE_RAD_S**2, FUSED
+        h[H_VAR], h[H_STATUS] = par[PAR_ZERO_RATE] ** 2, FUSED
     for i in range(3):
         clear_row(work)
         work[W_H + GYRO_BIAS + i] = 1.0

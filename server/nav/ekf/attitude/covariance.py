@@ -36,7 +36,7 @@ from server.nav.ekf.attitude.parameters import (
     K_OFFSET_WALK,
     K_TURN_NOISE,
 )
-from server.nav.ekf.predict import VIBRATION_BANDWIDTH_HZ
+from server.nav.ekf.defaults import VIBRATION_BANDWIDTH_HZ
 from server.nav.kernel import kernel
 from server.nav.types import Float
 

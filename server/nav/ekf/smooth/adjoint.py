@@ -6,8 +6,17 @@ import math
 from typing import Final
 
 from server.nav.ekf.layout import W_DX
-from server.nav.ekf.smooth.layout import B_DATUM, B_DATUM_VAR, B_SEEN, B_SHIFT, L_H, L_INNOVATION, L_PH, L_VARIANCE
-from server.nav.ekf.states import ACCEL_BIAS, ATT, GYRO_BIAS, POS, VEL, N, packed
+from server.nav.ekf.smooth.layout import (
+    F_DT,
+    F_DTHETA,
+    F_JITTER,
+    F_WANDER,
+    L_H,
+    L_INNOVATION,
+    L_PH,
+    L_VARIANCE,
+)
+from server.nav.ekf.states import ACCEL_BIAS, ATT, BARO, GYRO_BIAS, JITTER, MIX, POS, VEL, WANDER, N, packed
 from server.nav.ekf.update import inject
 from server.nav.kernel import kernel
 from server.nav.types import Float
@@ -75,10 +84,39 @@ def back_over_scalar(lam: Float, Lam: Float, entry: Float, g: Float, n: int) -> 
                 Lam[i, j] += h * curvature * entry[L_H + j]
 
 
+@kernel("void(float64[::1], float64[::1], int64)", contract=True)
+def _back_slow(lam: Float, f: Float, n: int) -> None:
+    """λ ← Fᵀ λ with F of `predict.predict_slow`; n active states."""
+    if n > WANDER:
+        for i in range(3):
+            lam[WANDER + i] *= f[F_WANDER]
+            lam[JITTER + i] *= f[F_JITTER]
+    if n > MIX:
+        for r in range(3):
+            turned = (f[3 + r] * lam[ATT] + f[6 + r] * lam[ATT + 1] + f[9 + r] * lam[ATT + 2]) / f[F_DT]
+            for c in range(3):
+                lam[MIX + 3 * r + c] -= turned * f[F_DTHETA + c]
+
+
+@kernel("void(float64[:, ::1], float64[::1], int64)", contract=True)
+def _back_slow_rows(Lam: Float, f: Float, n: int) -> None:
+    """Λ ← Fᵀ Λ likewise, row by row."""
+    for i in range(3 if n > WANDER else 0):
+        for j in range(n):
+            Lam[WANDER + i, j] *= f[F_WANDER]
+            Lam[JITTER + i, j] *= f[F_JITTER]
+    for r in range(3 if n > MIX else 0):
+        a, b, c = f[3 + r] / f[F_DT], f[6 + r] / f[F_DT], f[9 + r] / f[F_DT]
+        for j in range(n):
+            turned = a * Lam[ATT, j] + b * Lam[ATT + 1, j] + c * Lam[ATT + 2, j]
+            for m in range(3):
+                Lam[MIX + 3 * r + m, j] -= turned * f[F_DTHETA + m]
+
+
 @kernel("void(float64[:, ::1], float64[::1], int64)", contract=True)
 def _back_rows(Lam: Float, f: Float, n: int) -> None:
     """Λ ← Fᵀ Λ, row by row, F as `derivation` has it."""
-    dt = f[12]
+    dt = f[F_DT]
     for j in range(n):
         for i in range(3):
             a0, a1, a2 = f[3 + i], f[6 + i], f[9 + i]
@@ -98,9 +136,10 @@ def back_over_prediction(lam: Float, Lam: Float, f: Float, n: int) -> None:
 
     Args:
         lam, Lam: shapes (N,), (N, N), changed in place.
-        f: shape (13,): f·dt NED, A = R_nb·dt row by row, dt.
+        f: shape (F_SIZE,), of `layout`.
         n: active states.
     """
+    _back_slow(lam, f, n)
     for i in range(3):
         for r in range(3):
             lam[ACCEL_BIAS + i] -= f[3 + 3 * r + i] * lam[VEL + r]
@@ -109,21 +148,24 @@ def back_over_prediction(lam: Float, Lam: Float, f: Float, n: int) -> None:
     lam[ATT + 1] += f[2] * lam[VEL] - f[0] * lam[VEL + 2]
     lam[ATT + 2] += f[0] * lam[VEL + 1] - f[1] * lam[VEL]
     for i in range(3):
-        lam[VEL + i] += f[12] * lam[POS + i]
+        lam[VEL + i] += f[F_DT] * lam[POS + i]
     for _ in range(2):  # Fᵀ Λ F is the same row operation twice, with a transposition after each
+        _back_slow_rows(Lam, f, n)
         _back_rows(Lam, f, n)
         for i in range(n):
             for j in range(i):
                 Lam[i, j], Lam[j, i] = Lam[j, i], Lam[i, j]
 
 
-@kernel("void(float64[::1], float64[:, ::1], float64[::1], float64)")
-def back_over_datum(lam: Float, Lam: Float, b: Float, variance: float) -> None:
-    """Before the first baro height the datum's error was the height's own: what is known of it goes over."""
-    forget(lam, Lam, POS + 2)
-    lam[POS + 2] = -(b[B_DATUM] + b[B_SHIFT]) / variance
-    Lam[POS + 2, POS + 2] = max(0.0, variance - b[B_DATUM_VAR]) / (variance * variance)
-    b[B_SEEN] = 0.0
+@kernel("void(float64[::1], float64[:, ::1])")
+def back_over_datum(lam: Float, Lam: Float) -> None:
+    """Carry λ, Λ back over the start of the baro's datum (`blocks.start_datum`): δb = −δd + noise, whatever it was."""
+    lam[POS + 2] -= lam[BARO]
+    for j in range(N):
+        Lam[POS + 2, j] -= Lam[BARO, j]
+    for j in range(N):
+        Lam[j, POS + 2] -= Lam[j, BARO]
+    forget(lam, Lam, BARO)
 
 
 @kernel(

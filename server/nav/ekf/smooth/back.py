@@ -12,7 +12,8 @@ and going back over a scalar measurement (H, K = P Hᵀ/S, innovation ν) and ov
 
 It equals Rauch, Tung and Striebel's smoother, but inverts nothing: a state without variance (a block not switched on, a
 declination held) simply takes no part, and a step costs a few hundred multiplications for each scalar.
-The datum of the baro height, which the filter keeps beside its states, is smoothed as the random walk it is.
+The sensors' slow errors are states like the others. One that starts on the way had no variance before, so nothing is
+to be done; only the baro's datum starts as the height's own error, δb = −δd + noise, and λ goes over to the height.
 """
 
 from __future__ import annotations
@@ -23,15 +24,11 @@ from typing import Final
 from server.nav.codes import ATTITUDE, DEAD_RECKONING, NAVIGATING
 from server.nav.ekf.history import copy
 from server.nav.ekf.layout import (
-    A_BARO_OFFSET_VAR,
     A_GNSS_INTERVAL,
-    A_GNSS_WANDER_VAR,
     A_T_GNSS,
-    C_BARO_SEEN,
     C_MODE,
     C_POSITIONED,
     DELAYS,
-    PAR_BARO_DRIFT,
     PAR_GNSS_DELAY,
     U_GYRO_MEAN,
     U_T,
@@ -49,14 +46,9 @@ from server.nav.ekf.smooth.adjoint import (
     turn_back,
 )
 from server.nav.ekf.smooth.layout import (
-    B_DATUM,
-    B_DATUM_VAR,
-    B_DT,
     B_FUTURE,
     B_LATER,
     B_LINKED,
-    B_SEEN,
-    B_SHIFT,
     DATUM,
     FORGET,
     L_H,
@@ -64,18 +56,14 @@ from server.nav.ekf.smooth.layout import (
     L_TURN,
     L_VARIANCE,
     SCALAR,
-    Z_BARO_SEEN,
-    Z_DATUM_VAR,
     Z_GNSS,
     Z_GNSS_HERE,
     Z_LINKED,
     Z_LOG_END,
     Z_POSITIONED,
-    Z_SHIFT,
-    Z_WANDER_VAR,
     Z_WAS_POSITIONED,
 )
-from server.nav.ekf.states import POS, VEL, X_POS, X_VEL, N, packed
+from server.nav.ekf.states import POS, VEL, X_VEL, N, packed
 from server.nav.kernel import kernel
 from server.nav.types import Float, Int
 
@@ -84,25 +72,10 @@ ROUNDING: Final = (0.003, 0.005)
 in every fix, so averaging over the future and the past does not remove it."""
 
 
-@kernel("void(float64[::1], float64[::1], float64[::1])")
-def _smooth_datum(z: Float, b: Float, par: Float) -> None:
-    """Carry the datum back by one step: a random walk, smoothed by itself [Rauch, Tung, Striebel 1965]."""
-    here = z[Z_DATUM_VAR]
-    if b[B_LINKED] == 0.0 or b[B_SEEN] == 0.0 or z[Z_BARO_SEEN] == 0.0 or here <= 0.0:
-        b[B_DATUM], b[B_DATUM_VAR] = 0.0, here
-        return
-    ahead = here + par[PAR_BARO_DRIFT] ** 2 * b[B_DT]
-    c = here / ahead
-    b[B_DATUM] = c * (b[B_DATUM] + b[B_SHIFT])
-    b[B_DATUM_VAR] = max(0.0, here + c * c * (b[B_DATUM_VAR] - ahead))
-
-
 @kernel("void(float64, float64[::1], float64[::1], float64[::1], float64[::1], int64[::1])")
 def _state(t: float, z: Float, b: Float, par: Float, aux: Float, ctl: Int) -> None:
     """Set what `publish` asks of the memory: the mode above all. Held at both ends, a gap in GNSS is no reckoning."""
-    ctl[C_POSITIONED], ctl[C_BARO_SEEN] = int(z[Z_POSITIONED]), int(z[Z_BARO_SEEN])
-    aux[A_BARO_OFFSET_VAR], aux[A_GNSS_WANDER_VAR] = b[B_DATUM_VAR], z[Z_WANDER_VAR]
-    aux[A_T_GNSS] = z[Z_GNSS]
+    ctl[C_POSITIONED], aux[A_T_GNSS] = int(z[Z_POSITIONED]), z[Z_GNSS]
     limit = max(OUTAGE_S, OUTAGE_INTERVALS * aux[A_GNSS_INTERVAL]) + par[PAR_GNSS_DELAY]
     lost = b[B_FUTURE] == 0.0 and (t - z[Z_GNSS]) * 1e-9 > limit
     ctl[C_MODE] = (DEAD_RECKONING if lost else NAVIGATING) if ctl[C_POSITIONED] else ATTITUDE
@@ -129,9 +102,9 @@ def _back_over_log(z_log: Float, first: int, last: int, lam: Float, Lam: Float, 
                 if entry[L_H + i] != 0.0:
                     forget(lam, Lam, i)
             if entry[L_H + POS] != 0.0:
-                b[B_FUTURE] = b[B_SEEN] = 0.0
+                b[B_FUTURE] = 0.0
         elif entry[L_KIND] == DATUM:
-            back_over_datum(lam, Lam, b, entry[L_VARIANCE])
+            back_over_datum(lam, Lam)
         elif entry[L_KIND] == SCALAR and math.isfinite(entry[L_VARIANCE]):
             back_over_scalar(lam, Lam, entry, g, n)
 
@@ -183,14 +156,11 @@ def smooth(
             for i in range(N):
                 forget(lam, Lam, i)
             b[B_FUTURE] = b[B_LATER] = 0.0
-        _smooth_datum(z, b, par)
-        b[B_SHIFT] = z[Z_SHIFT]
         if z[Z_GNSS_HERE] > 0.0:
             b[B_FUTURE] = b[B_LATER] = 1.0
         copy(z_x[k], x, x.shape[0])
         copy(z_P[k], P, P.shape[0])
         correct(x, full, P, product, lam, work, Lam, n)
-        x[X_POS + 2] += b[B_DATUM]
         for i in range(VEL, POS + 3):
             P[packed(i, i)] += ROUNDING[0 if i < POS else 1] ** 2
         _state(z_u[k, U_T], z, b, par, aux, ctl)
@@ -198,7 +168,7 @@ def smooth(
             publish(x, P, z_u[k], par, aux, ctl, rows[step_of[k]])
             if work[W_DELAYS] > 0.0:
                 _widen(x, z_u[k], work, rows[step_of[k]])
-        b[B_LINKED], b[B_SEEN], b[B_DT] = z[Z_LINKED], z[Z_BARO_SEEN], z_f[k, 12]
+        b[B_LINKED] = z[Z_LINKED]
         first = int(z_s[k - 1, Z_LOG_END]) if k > 0 else 0
         _back_over_log(z_log, first, int(z[Z_LOG_END]), lam, Lam, b, g, n)
         if z[Z_LINKED] > 0.0:

@@ -10,29 +10,27 @@ from server.nav.ekf.states import N
 T_NEXT: Final = 0  # number of the next slot to record
 T_LINKED: Final = 1  # the slot before is there to go on from
 T_POSITIONED: Final = 2
-T_BARO_SEEN: Final = 3
-T_BARO: Final = 4  # last baro height used, ns
-T_DATUM_VAR: Final = 5  # of the baro's datum, m²
-T_GNSS: Final = 6  # last GNSS position used, ns
-T_END: Final = 7  # end of the slot before, ns
-T_BOUNDARIES: Final = 8  # places, after the first alignment, that nothing later tells anything across
-T_RESETS: Final = 9  # positions or headings set instead of corrected
-T_SIZE: Final = 10
+T_GNSS: Final = 3  # last GNSS position used, ns
+T_END: Final = 4  # end of the slot before, ns
+T_BOUNDARIES: Final = 5  # places, after the first alignment, that nothing later tells anything across
+T_RESETS: Final = 6  # positions or headings set instead of corrected
+T_SIZE: Final = 7
 
 # One recorded slot.
 Z_LINKED: Final = 0  # follows the slot before it by the prediction in z_f
 Z_POSITIONED: Final = 1
-Z_BARO_SEEN: Final = 2
-Z_DATUM_VAR: Final = 3
-Z_SHIFT: Final = 4  # of height and datum together at this slot, m up
-Z_WANDER_VAR: Final = 5
-Z_GNSS: Final = 6  # last GNSS position used, ns
-Z_GNSS_HERE: Final = 7
-Z_LOG_END: Final = 8  # entries of the log up to and with this slot's
-Z_WAS_POSITIONED: Final = 9  # before this slot's measurements
-Z_SIZE: Final = 10
-F_SIZE: Final = 13
-"""f·dt NED, A = R_nb·dt row by row, dt of the prediction that leads to the slot (`derivation`)."""
+Z_GNSS: Final = 2  # last GNSS position used, ns
+Z_GNSS_HERE: Final = 3
+Z_LOG_END: Final = 4  # entries of the log up to and with this slot's
+Z_WAS_POSITIONED: Final = 5  # before this slot's measurements
+Z_SIZE: Final = 6
+
+# The prediction that leads to a slot: f·dt NED, A = R_nb·dt row by row, dt (`derivation`), and of the slow errors …
+F_DT: Final = 12
+F_DTHETA: Final = 13  # (3) rotation over the step, rad, which the errors of the gyro's scale and axes multiply
+F_WANDER: Final = 16  # share of the receiver's slow error that is left after the step
+F_JITTER: Final = 17  # and of its quick one
+F_SIZE: Final = 18
 
 # One entry of the log.
 L_KIND: Final = 0
@@ -45,18 +43,13 @@ L_SIZE: Final = 4 + 2 * N
 SCALAR: Final = 0.0
 FORGET: Final = 1.0
 DATUM: Final = 2.0
-"""What was known of the height became what is known of the baro's datum; the variance is that of both."""
+"""The baro's datum was set from the height: what tells of the one tells of the other."""
 
 LOG_ROOM: Final = 96
 """Scalars one slot can log: sixteen measurements of six."""
 
 # What the pass carries from a step to the one before it, beside λ and Λ.
 B_LINKED: Final = 0  # the step after this one follows from it
-B_SEEN: Final = 1  # … and used the baro
-B_DATUM: Final = 2  # smoothed less filtered datum at the step after, m up
-B_DATUM_VAR: Final = 3  # smoothed, there
-B_SHIFT: Final = 4  # of the datum at the step after, m up
-B_DT: Final = 5  # to the step after, s
-B_FUTURE: Final = 6  # a later GNSS position holds this step
-B_LATER: Final = 7  # this stretch gets a position, now or later
-B_SIZE: Final = 8
+B_FUTURE: Final = 1  # a later GNSS position holds this step
+B_LATER: Final = 2  # this stretch gets a position, now or later
+B_SIZE: Final = 3

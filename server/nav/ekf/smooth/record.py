@@ -8,46 +8,44 @@ Resets are logged as what they are: states that nothing later tells anything abo
 
 from __future__ import annotations
 
+import math
 from typing import Final
 
 from server.nav.codes import FUSED
 from server.nav.earth import ned_from_lla
 from server.nav.ekf.history import copy
 from server.nav.ekf.layout import (
-    A_BARO_OFFSET,
-    A_GNSS_WANDER_VAR,
     C_BARO_SEEN,
     C_HAS_HEADING,
     C_POSITIONED,
-    H_SHIFT,
     H_SIZE,
     H_STATUS,
     NEVER_NS,
+    PAR_GNSS_JITTER_TAU,
+    PAR_GNSS_WANDER_TAU,
     RESET,
     U_DT,
+    U_DTHETA,
     U_T,
     W_LOG,
 )
-from server.nav.ekf.predict import predict
+from server.nav.ekf.predict import predict, predict_slow
 from server.nav.ekf.smooth.layout import (
-    F_SIZE,
-    T_BARO,
-    T_BARO_SEEN,
+    F_DT,
+    F_DTHETA,
+    F_JITTER,
+    F_WANDER,
     T_BOUNDARIES,
-    T_DATUM_VAR,
     T_END,
     T_GNSS,
     T_LINKED,
     T_NEXT,
     T_POSITIONED,
-    Z_BARO_SEEN,
-    Z_DATUM_VAR,
     Z_GNSS,
     Z_LINKED,
     Z_LOG_END,
     Z_POSITIONED,
     Z_SIZE,
-    Z_WANDER_VAR,
     Z_WAS_POSITIONED,
 )
 from server.nav.ekf.smooth.log import correct_logged
@@ -110,6 +108,7 @@ def follow(
     if linked:
         ctl[C_POSITIONED] = int(t[T_POSITIONED])
         predict(x, P, u, par, aux, ctl, work)
+        predict_slow(x, P, u, par, aux, work)
         for i in range(0 if positioned else 3):  # as `run` holds them
             x[X_VEL + i] = 0.0
             reset_axis(P, VEL + i, 1.0)
@@ -120,32 +119,30 @@ def follow(
         copy(y, x, x.shape[0])
         copy(Q, P, P.shape[0])
         t[T_BOUNDARIES] += t[T_LINKED]
-        t[T_POSITIONED] = t[T_BARO_SEEN] = t[T_DATUM_VAR] = 0.0
-        t[T_GNSS] = t[T_BARO] = NEVER_NS
+        t[T_POSITIONED], t[T_GNSS] = 0.0, NEVER_NS
     z[Z_WAS_POSITIONED] = t[T_POSITIONED]
 
 
-@kernel("float64(int64, int64, float64[:, :, ::1], int64[::1])")
-def _shifts(first: int, end: int, r_m: Float, r_n: Int) -> float:
-    """Return how far the measurements of slots [first, end) have moved the baro's datum, m."""
-    total = 0.0
-    for k in range(first, end):
-        slot = k % r_n.shape[0]
-        for i in range(r_n[slot]):
-            if r_m[slot, i, H_STATUS] == FUSED:
-                total += r_m[slot, i, H_SHIFT]
-    return total
+@kernel("void(float64[::1], float64[::1], float64[::1], float64[::1])")
+def _keep_prediction(u: Float, par: Float, work: Float, f: Float) -> None:
+    """Write down the prediction just made over the step u."""
+    for i in range(F_DT + 1):
+        f[i] = work[i]
+    for i in range(3):
+        f[F_DTHETA + i] = u[U_DTHETA + i]
+    tau = par[PAR_GNSS_JITTER_TAU]
+    f[F_WANDER] = math.exp(-u[U_DT] / par[PAR_GNSS_WANDER_TAU])
+    f[F_JITTER] = math.exp(-u[U_DT] / tau) if tau > 0.0 else 1.0
 
 
 @kernel(
-    "void(int64, int64, int64, float64[::1], float64[::1], float64[::1], float64[::1], float64[::1], float64[::1],"
+    "void(int64, int64, float64[::1], float64[::1], float64[::1], float64[::1], float64[::1], float64[::1],"
     " float64[::1], int64[::1], float64[::1], float64[:, ::1], float64[:, ::1], float64[:, ::1],"
     " float64[:, :, ::1], int64[::1], float64[:, ::1], float64[::1], float64[:, ::1], float64[:, ::1],"
     " float64[:, ::1], float64[:, ::1], float64[:, ::1], float64[:, ::1], float64[:, ::1], int64[::1])"
 )
 def record_slots(
     end: int,
-    head: int,
     valid: int,
     t: Float,
     x: Float,
@@ -175,7 +172,6 @@ def record_slots(
     """Record the slots from t[T_NEXT] up to `end`.
 
     Args:
-        head: number of the slot that comes next.
         valid: number of the oldest slot whose measurements can be repeated.
         t, x, P: where the recording stands, and its state at the slot before.
         before, h: shapes (N,), (H_SIZE,), scratch.
@@ -186,14 +182,13 @@ def record_slots(
     """
     size = r_u.shape[0]
     ctl[C_HAS_HEADING] = ctl[C_BARO_SEEN] = 1
-    aux[A_BARO_OFFSET] -= _shifts(int(t[T_NEXT]), head, r_m, r_n)
     for k in range(int(t[T_NEXT]), end):
         slot, n = k % size, count[0]
         u, z = r_u[slot], z_s[n]
         for i in range(Z_SIZE):
             z[i] = 0.0
         follow(t, x, P, r_x[slot], r_P[slot], u, par, ctl, aux, work, z)
-        copy(work, z_f[n], F_SIZE)
+        _keep_prediction(u, par, work, z_f[n])
         ctl[C_POSITIONED] = 1
         log = int(count[1])
         for i in range(r_n[slot] if k >= valid else 0):
@@ -203,8 +198,7 @@ def record_slots(
         copy(u, z_u[n], u.shape[0])
         copy(x, z_x[n], x.shape[0])
         copy(P, z_P[n], P.shape[0])
-        z[Z_POSITIONED], z[Z_BARO_SEEN], z[Z_DATUM_VAR] = t[T_POSITIONED], t[T_BARO_SEEN], t[T_DATUM_VAR]
-        z[Z_WANDER_VAR], z[Z_GNSS], z[Z_LOG_END] = aux[A_GNSS_WANDER_VAR], t[T_GNSS], log
+        z[Z_POSITIONED], z[Z_GNSS], z[Z_LOG_END] = t[T_POSITIONED], t[T_GNSS], log
         t[T_LINKED], t[T_END], t[T_NEXT] = 1.0, u[U_T], k + 1
         count[0], count[1] = n + 1, log
     work[W_LOG] = 0.0
