@@ -267,11 +267,12 @@ def compare(
 @app.command()
 def montecarlo(
     runs: Annotated[int, typer.Option(help="flights")] = 100,
-    seconds: Annotated[float, typer.Option(help="length of each, s")] = 120.0,
+    seconds: Annotated[float, typer.Option(help="length of each, s")] = 300.0,
     seed: Annotated[int, typer.Option(help="equal seeds give equal results")] = 1,
     told: Annotated[
-        str, typer.Option(help="what the filter knows of the noise: defaults, or sheet = the board's data sheets")
-    ] = "defaults",
+        str,
+        typer.Option(help="what the filter knows of the board: sheet = its data sheets, or the product's defaults"),
+    ] = "sheet",
     rtk: Annotated[bool, typer.Option("--rtk", help="fly with a carrier-phase receiver")] = False,
     out: Annotated[Path | None, typer.Option(help="folder for montecarlo.json and montecarlo.html")] = None,
     as_json: Annotated[bool, typer.Option("--json", help="print the figures as JSON instead of a table")] = False,

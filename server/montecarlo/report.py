@@ -74,7 +74,7 @@ def headline(found: dict[str, Any]) -> str:
     """Return what was flown and told, in one sentence."""
     one = found["campaign"]
     receiver = "a carrier-phase receiver" if one["rtk"] else "an ordinary receiver"
-    told = {"defaults": "the product's default parameters", "sheet": "the noise densities of the data sheets"}
+    told = {"defaults": "the product's default parameters", "sheet": "the data sheets of the board's sensors"}
     return (
         f"{one['runs']} flights of {one['seconds']:g} s from seed {one['seed']} with {receiver}, wind up to "
         f"{one['wind_up_to_m_s']:g} m/s; the filter was told {told[one['told']]}."

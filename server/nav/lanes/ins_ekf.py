@@ -17,7 +17,7 @@ from server.nav.ekf.run import run
 from server.nav.ekf.states import FIELD, INERTIAL, PACKED, POS, X_POS, X_Q, X_SIZE, packed
 from server.nav.ekf.yaw_bank import new_bank
 from server.nav.lanes.base import LaneContext, LaneResult, Parameter, Provides
-from server.nav.lanes.ins_ekf_attitude import AttitudeMode
+from server.nav.lanes.ins_ekf_attitude import SIGMA, AttitudeMode
 from server.nav.lanes.ins_ekf_events import event
 from server.nav.lanes.ins_ekf_parameters import PARAMETERS, kernel_parameters
 from server.nav.types import (
@@ -73,6 +73,7 @@ class InsEkf:
         self._attitude = AttitudeMode(context)
         self._pending: list[Event] = []
         self._t_ns = 0
+        self._sigma_rad = np.full(3, np.nan)
 
     def configure(self, context: LaneContext) -> None:
         """Take other parameters from the next step on."""
@@ -116,12 +117,20 @@ class InsEkf:
             ctl[at.C_VALID] = 1
 
     def covariance(self) -> tuple[int, Float] | None:
-        """Return (t_ns, P) of the newest row, P (9, 9): attitude rad, velocity m/s, position m, NED; None before."""
-        if self._ctl[at.C_MODE] == LaneStatus.ALIGNING:
+        """Return (t_ns, P) of the newest row, P (9, 9): attitude rad, velocity m/s, position m, NED; None before.
+
+        Without position the attitude mode is what is published, and only its σ are known.
+        """
+        P = np.full((POS + 3, POS + 3), np.nan)
+        if self._ctl[at.C_POSITIONED]:
+            lower = np.zeros_like(P)
+            lower[np.tril_indices(POS + 3)] = self._P[: packed(POS + 3, 0)]
+            P = lower + np.tril(lower, -1).T
+        elif np.isfinite(self._sigma_rad).all():
+            P[:3, :3] = np.diag(self._sigma_rad**2)
+        else:
             return None
-        P = np.zeros((POS + 3, POS + 3))
-        P[np.tril_indices(POS + 3)] = self._P[: packed(POS + 3, 0)]
-        return self._t_ns, P + np.tril(P, -1).T
+        return self._t_ns, P
 
     def _newest(self) -> int:
         return int(self._ctl[at.C_HEAD] - 1) % len(self._r_u)
@@ -150,6 +159,8 @@ class InsEkf:
         if handed_over:
             k, angle = handed_over
             found.append(event(at.E_HANDOVER, int(t_ns[k]), angle, 0.0))
+        if n:
+            self._sigma_rad = rows[-1, SIGMA : SIGMA + 3].copy()
         found.sort(key=lambda e: e.t_ns)
         return LaneResult(rows=LaneRows(lane=self.name, t_ns=t_ns, data=rows), aids=aid_rows, events=tuple(found))
 

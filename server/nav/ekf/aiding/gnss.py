@@ -215,22 +215,22 @@ def _decide_position(h: Float, P: Float, par: Float, aux: Float, ctl: Int, work:
         own[i] = project(P, work)
     if math.isfinite(par[PAR_GNSS_JITTER]):
         white = 0.0 if par[PAR_GNSS_JITTER_TAU] > 0.0 else par[PAR_GNSS_JITTER] ** 2
-        repeats = 1.0
+        steady = 1.0
         h[H_VAR] = h[H_VAR + 1] = ROUNDING_M**2 + white
         v2 = ROUNDING_M**2 + white * _down_ratio(h) ** 2
         _judge(h, par, work, 2)
     else:
-        repeats = POSITION_CORRELATION
-        _believe(h, own, par, aux, work, 2, A_K_POS, POSITION_FLOOR_M, repeats)
+        steady = POSITION_CORRELATION
+        _believe(h, own, par, aux, work, 2, A_K_POS, POSITION_FLOOR_M, steady)
         v2 = h[H_ACC + 2] ** 2
         if n == 3 and h[H_WANDER] > 0.0:
             v2 = _variance(h, _learn(h, own, aux, work, 2, 1, A_K_ALT), 2, POSITION_FLOOR_M)
-    own[0] += h[H_VAR] / repeats
-    own[1] += h[H_VAR + 1] / repeats
+    own[0] += h[H_VAR] / steady
+    own[1] += h[H_VAR + 1] / steady
     if n == 2:
         h[H_VAR + 2] = 0.0
         return
-    h[H_VAR + 2] = v2 * repeats
+    h[H_VAR + 2] = v2 * steady
     by_baro = ctl[C_BARO_SEEN] == 1 and h[H_T] - aux[A_T_BARO] < BARO_FRESH_NS
     if not h[H_WANDER] > 0.0:
         slow = max(1.0, 2.0 * ALTITUDE_CORRELATION_S / max(0.05, aux[A_GNSS_INTERVAL]))
@@ -301,13 +301,24 @@ def reset_position(h: Float, x: Float, P: Float, u: Float, par: Float, aux: Floa
 
 
 @kernel("float64(float64, float64, float64)")
-def _followed(own: float, variance: float, repeats: float) -> float:
+def repeats(own: float, variance: float, alike: float) -> float:
+    """Return how many times its variance a fix weighs when errors are alike by ρ from fix to fix.
+
+    A filter with gain g keeps (1 − g)^j of the fix j before: with a = (1 − g) ρ the errors it holds add up to
+    (1 + a)/(1 − a) times those of independent fixes. The first fix of all, g = 1, counts once.
+    """
+    gain = own / (own + variance * (1.0 + alike) / (1.0 - alike))
+    kept = (1.0 - gain) * alike
+    return float((1.0 + kept) / (1.0 - kept))
+
+
+@kernel("float64(float64, float64, float64, float64)")
+def _followed(own: float, variance: float, alike: float, weight: float) -> float:
     """Return the covariance of the filter's error with that of a new fix, because it followed those before.
 
     With gain g and errors alike by ρ from fix to fix, Σ g (1 − g)^(j − 1) ρ^j v over the fixes j before.
     """
-    alike = (repeats - 1.0) / (repeats + 1.0)
-    gain = own / (own + repeats * variance)
+    gain = own / (own + weight * variance)
     return float(gain * alike * variance / (1.0 - (1.0 - gain) * alike))
 
 
@@ -318,18 +329,21 @@ def _decide_velocity(h: Float, P: Float, par: Float, aux: Float, work: Float, n:
     for i in range(3):
         own[i] = P[packed(VEL + i, VEL + i)]
     told = math.isfinite(par[PAR_GNSS_SPEED])
-    repeats = par[PAR_GNSS_CORRELATION]
+    steady = par[PAR_GNSS_CORRELATION]
+    alike = (steady - 1.0) / (steady + 1.0)
     if told:
         alike = math.exp(-aux[A_GNSS_INTERVAL] / par[PAR_GNSS_SPEED_TAU]) if par[PAR_GNSS_SPEED_TAU] > 0.0 else 0.0
-        repeats = (1.0 + alike) / (1.0 - alike)
+        steady = (1.0 + alike) / (1.0 - alike)
         for i in range(3):
-            h[H_VAR + i] = repeats * max(VELOCITY_FLOOR_M_S**2, par[PAR_GNSS_SPEED] ** 2)
+            h[H_VAR + i] = steady * max(VELOCITY_FLOOR_M_S**2, par[PAR_GNSS_SPEED] ** 2)
         _judge(h, par, work, n)
     else:
-        _believe(h, own, par, aux, work, n, A_K_VEL, VELOCITY_FLOOR_M_S, repeats)
+        _believe(h, own, par, aux, work, n, A_K_VEL, VELOCITY_FLOOR_M_S, steady)
     for i in range(n):
-        v = h[H_VAR + i] / repeats
-        own[i] += v if not told else v - 2.0 * _followed(own[i], v, repeats)
+        v = h[H_VAR + i] / steady
+        weight = repeats(own[i], v, alike) if told else steady  # what is not told may be a delay as well as noise
+        h[H_VAR + i] = weight * v
+        own[i] += v if not told else v - 2.0 * _followed(own[i], v, alike, weight)
     if n == 2:
         own[2] = math.nan
 
