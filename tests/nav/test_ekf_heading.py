@@ -60,7 +60,7 @@ def test_before_that_its_heading_is_said_to_be_unknown(shared_data: Path) -> Non
 
 @pytest.mark.xfail(
     strict=True,
-    reason="seen: turned back by the bank five times (74 to 148 s), pulled away by the field each time; 70° at the end",
+    reason="seen: overruled 42 s after take-off and refused from then on; wanders by 44° until found again at 113 s",
 )
 def test_a_magnetometer_mounted_a_quarter_turn_askew_is_overruled(shared_data: Path) -> None:
     block = mission(shared_data)
@@ -70,15 +70,12 @@ def test_a_magnetometer_mounted_a_quarter_turn_askew_is_overruled(shared_data: P
     assert np.abs(error[t_s > first_manoeuvre_s(shared_data) + 30.0]).max() < 10.0
 
 
-@pytest.mark.xfail(
-    strict=True, reason="seen: 30° and 27° at the end (hover), σ 0.8°: fused throughout, the field follows"
-)
 @pytest.mark.parametrize("angle_deg", [90.0, 45.0])
 def test_a_magnetometer_that_turns_in_flight_is_not_followed(shared_data: Path, angle_deg: float) -> None:
     block = mission(shared_data)
     flown = fly_mission(changed(block, Kind.MAG, turned(math.radians(angle_deg)), start_s=100.0))
     t_s, error = heading_error_deg(flown, block)
-    assert np.abs(error[t_s > 100.0]).max() < 10.0
+    assert np.abs(error[t_s > 100.0]).max() < 2.0
 
 
 def test_a_field_that_turns_half_around_in_flight_is_refused(shared_data: Path) -> None:

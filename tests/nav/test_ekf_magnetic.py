@@ -84,15 +84,18 @@ def test_a_field_of_another_strength_is_refused_and_moves_nothing() -> None:
     assert moved.max() < 0.2
 
 
-def test_a_field_of_the_right_strength_and_wrong_direction_is_gated() -> None:
-    """A turn by 40° about the vertical keeps strength and dip; only the gate can see it."""
+@pytest.mark.parametrize(
+    ("angle_deg", "status"), [(40.0, AidStatus.REFUSED_DISTURBED), (17.0, AidStatus.REFUSED_GATE)]
+)
+def test_a_field_of_the_right_strength_and_wrong_direction_is_refused(angle_deg: float, status: AidStatus) -> None:
+    """A turn about the vertical keeps strength and dip: far off it contradicts the heading, less far the gate."""
     stream = stream_of(TURNS)
-    c, s = math.cos(math.radians(40.0)), math.sin(math.radians(40.0))
+    c, s = math.cos(math.radians(angle_deg)), math.sin(math.radians(angle_deg))
     for row in stream.rows:
         if row[3] == Kind.MAG and 50.0 <= row[4] < 51.0:
             x, y = row[5][0], row[5][1]
             row[5][:2] = [c * x - s * y, s * x + c * y]
     flown = fly(stream.block(), **KNOWN)
-    assert set(flown.statuses(Aid.MAG_FIELD, 50.0, 50.9)) == {AidStatus.REFUSED_GATE}
+    assert set(flown.statuses(Aid.MAG_FIELD, 50.0, 50.9)) == {status}
     late = flown.t_s > 50.0
     assert np.degrees(np.abs(heading_error(flown, TURNS)[late])).max() < 0.5

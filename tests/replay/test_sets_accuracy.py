@@ -160,7 +160,6 @@ def test_the_peaks_lie_inside_their_own_three_sigma(flights: np.ndarray) -> None
     assert np.percentile(flights[:, 0] / flights[:, 1], 90) <= 1.0
 
 
-@pytest.mark.xfail(strict=True, reason="seen: 1.14: two outages of eleven leave 3σ of one axis at some moment")
 def test_every_axis_stays_inside_three_sigma_all_the_way(flights: np.ndarray) -> None:
     assert np.percentile(flights[:, 2], 90) <= 1.0
 

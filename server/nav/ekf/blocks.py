@@ -11,6 +11,8 @@ from server.nav.ekf.layout import (
     A_FIELD_H,
     C_HAS_FIELD,
     PAR_DECLINATION_SIGMA,
+    PAR_DRAG_K,
+    PAR_DRAG_K_SIGMA,
     PAR_FIELD_SIGMA,
     PAR_MAG_BIAS_SIGMA,
     PAR_WIND_SIGMA,
@@ -21,6 +23,7 @@ from server.nav.ekf.layout import (
 from server.nav.ekf.states import (
     ATT,
     BARO,
+    DRAG,
     FIELD,
     JITTER,
     MAG_BIAS,
@@ -29,11 +32,13 @@ from server.nav.ekf.states import (
     WANDER,
     WIND,
     WITH_BARO,
+    WITH_DRAG,
     WITH_JITTER,
     WITH_MAG,
     WITH_WANDER,
     WITH_WIND,
     X_BARO,
+    X_DRAG,
     X_FIELD,
     X_JITTER,
     X_MAG_BIAS,
@@ -132,6 +137,16 @@ def switch_wind_on(x: Float, P: Float, par: Float, work: Float) -> None:
     for i in range(2):
         x[X_WIND + i] = 0.0
         reset_axis(P, WIND + i, par[PAR_WIND_SIGMA] ** 2)
+
+
+@kernel("void(float64[::1], float64[::1], float64[::1], float64[::1])")
+def switch_drag_on(x: Float, P: Float, par: Float, work: Float) -> None:
+    """Activate a multirotor's drag, with what airframes have, and the wind that it is felt against."""
+    if not P[packed(WIND, WIND)] > 0.0:
+        switch_wind_on(x, P, par, work)
+    work[W_DIM] = max(work[W_DIM], float(WITH_DRAG))
+    x[X_DRAG] = par[PAR_DRAG_K]
+    reset_axis(P, DRAG, par[PAR_DRAG_K_SIGMA] ** 2)
 
 
 @kernel("void(float64[::1], float64[::1], float64[::1], float64, float64)")

@@ -53,6 +53,10 @@ MAG_TIMING_S: Final = 0.03  # magnetometers are read at 10 to 100 Hz and average
 MAG_TIMING_TOLD_S: Final = 0.005  # when the delay was measured
 WIND_SIGMA_M_S: Final = 8.0  # per axis; the mean wind over land is about 6 m/s
 WIND_WALK_M_S_RTS: Final = 0.1  # gusts pass, the mean changes by 1 m/s in 100 s
+DRAG_PER_S: Final = 0.3  # drag over mass and air speed: airframes of 1 to 3 kg have 0.2 to 0.5
+DRAG_SPREAD_PER_S: Final = 0.2
+DRAG_WALK_PER_S_RTS: Final = 0.005  # drag is not quite linear: it changes with the speed flown
+DRAG_SIGMA_M_S2: Final = 0.25  # gusts, and rotors that turn differently
 HISTORY_S: Final = 1.25  # longest delay that can still be fused at its own time; rests are confirmed late
 """S1 calls 0.1 to 0.3 s usual; receivers on slow serial links reach half a second."""
 MAX_AID_ROWS: Final = 64

@@ -9,6 +9,7 @@ from server.nav.codes import (
     AIRSPEED_AID,
     BARO_HEIGHT,
     DEAD_RECKONING,
+    DRAG_AID,
     FUSED,
     GNSS_POSITION,
     GNSS_VELOCITY,
@@ -22,7 +23,7 @@ from server.nav.codes import (
     ZERO_RATE,
     ZERO_VELOCITY,
 )
-from server.nav.ekf.aiding import airspeed, baro, gnss, mag, still, wheels
+from server.nav.ekf.aiding import airspeed, baro, drag, gnss, mag, still, wheels
 from server.nav.ekf.aiding.first_heading import course_heading, late_heading, tells_heading
 from server.nav.ekf.aiding.yaw import bank_heading
 from server.nav.ekf.events import add_event
@@ -65,6 +66,7 @@ WORST_START_M: Final = 50.0
 gnss_position, gnss_velocity, gnss_reset = gnss.position, gnss.velocity, gnss.reset_position
 baro_height, mag_field = baro.height, mag.field
 car_wheels = wheels.wheels
+rotor_drag = drag.drag
 true_airspeed, wing_sideslip = airspeed.airspeed, airspeed.sideslip
 zero_velocity, zero_rate, gravity = still.zero_velocity, still.zero_rate, still.gravity
 
@@ -176,7 +178,7 @@ def handle(
     if aid == GNSS_POSITION:
         _position(h, x, P, u, par, aux, ctl, work, events)
     elif aid == YAW:
-        bank_heading(h, x, P, ctl, work, events)
+        bank_heading(h, x, P, par, aux, ctl, work, events)
     elif aid == MAG_FIELD:
         if ctl[C_HAS_HEADING] and h[H_STATUS] != RESET:
             mag_field(h, x, P, u, par, aux, ctl, work)
@@ -200,6 +202,8 @@ def handle(
         true_airspeed(h, x, P, u, par, aux, ctl, work)
     elif aid == SIDESLIP:
         wing_sideslip(h, x, P, u, par, aux, ctl, work)
+    elif aid == DRAG_AID:
+        rotor_drag(h, x, P, u, par, aux, ctl, work)
     elif aid == WHEELS:
         car_wheels(h, x, P, u, par, aux, ctl, work)
     if h[H_STATUS] == UNDECIDED:

@@ -82,7 +82,11 @@ PAR_ZERO_VELOCITY: Final = 34  # m/s
 PAR_GYRO_SCALE: Final = 35  # σ of the scale errors, a share of the rate; 0 with no cross-axis ones = no such states
 PAR_GYRO_CROSS: Final = 36  # σ of the cross-axis errors, likewise
 PAR_VIBRATION_BANDWIDTH: Final = 37  # Hz over which measured vibration is white
-PAR_SIZE: Final = 38
+PAR_DRAG: Final = 38  # m/s², what drag leaves unexplained of the specific force across; 0 = drag is left out
+PAR_DRAG_K: Final = 39  # 1/s
+PAR_DRAG_K_SIGMA: Final = 40
+PAR_DRAG_WALK: Final = 41  # 1/s/√s
+PAR_SIZE: Final = 42
 
 NEVER_NS: Final = -1e18
 """A time before every other."""
@@ -150,7 +154,10 @@ A_T_AIRSPEED: Final = 52
 A_T_SIDESLIP: Final = 53
 A_GNSS_JITTER_VAR_D: Final = 54
 A_T_QUICK: Final = 55  # when the velocity last spoke against rest, ns
-A_SIZE: Final = 56
+A_T_DRAG: Final = 56
+A_K_DRAG: Final = 57
+A_REST_HEIGHT: Final = 58  # where the vehicle last stood still, m; NaN = not known
+A_SIZE: Final = 59
 
 # Scratch, so that nothing is allocated in a step.
 W_U: Final = 0  # (18) input of the covariance prediction

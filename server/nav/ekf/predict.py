@@ -19,6 +19,7 @@ from server.nav.ekf.layout import (
     PAR_ACCEL_NOISE,
     PAR_ACCEL_WALK,
     PAR_BARO_DRIFT,
+    PAR_DRAG_WALK,
     PAR_FIELD_WALK,
     PAR_GNSS_JITTER_TAU,
     PAR_GNSS_WANDER_TAU,
@@ -38,6 +39,7 @@ from server.nav.ekf.layout import (
 from server.nav.ekf.states import (
     ATT,
     BARO,
+    DRAG,
     FIELD,
     JITTER,
     MAG_BIAS,
@@ -136,6 +138,8 @@ def _predict_errors(P: Float, u: Float, par: Float, work: Float) -> None:
         wind = par[PAR_WIND_WALK] * par[PAR_WIND_WALK] * dt
         P[packed(WIND, WIND)] += wind
         P[packed(WIND + 1, WIND + 1)] += wind
+    if n > DRAG and P[packed(DRAG, DRAG)] > 0.0:
+        P[packed(DRAG, DRAG)] += par[PAR_DRAG_WALK] * par[PAR_DRAG_WALK] * dt
 
 
 @kernel("void(float64[::1], int64, int64, float64, float64, float64)", contract=True)

@@ -1,15 +1,28 @@
-"""When the board is still or has no GNSS: which pseudo-measurements are due."""
+"""Which pseudo-measurements are due: of a board that is still, of one without GNSS, of each class of vehicle."""
 
 from __future__ import annotations
 
 import math
 from typing import Final
 
-from server.nav.codes import CAR, FIXED_WING, GRAVITY, HAND_HELD, SIDESLIP, WHEELS, ZERO_RATE, ZERO_VELOCITY
+from server.nav.codes import (
+    CAR,
+    DRAG_AID,
+    FIXED_WING,
+    GRAVITY,
+    HAND_HELD,
+    MULTIROTOR,
+    SIDESLIP,
+    WHEELS,
+    ZERO_RATE,
+    ZERO_VELOCITY,
+)
 from server.nav.ekf.align import rest
 from server.nav.ekf.history import attach
 from server.nav.ekf.layout import (
+    A_REST_HEIGHT,
     A_SPEED_GNSS,
+    A_T_DRAG,
     A_T_GNSS_SEEN,
     A_T_GRAVITY,
     A_T_QUICK,
@@ -25,6 +38,7 @@ from server.nav.ekf.layout import (
     H_SIZE,
     H_STATUS,
     H_T,
+    PAR_DRAG,
     PAR_VEHICLE,
     PAR_ZERO_VELOCITY,
     U_DT,
@@ -32,13 +46,16 @@ from server.nav.ekf.layout import (
     UNDECIDED,
 )
 from server.nav.ekf.predict import gravity_here
-from server.nav.ekf.states import X_VEL
+from server.nav.ekf.states import X_POS, X_VEL
 from server.nav.kernel import kernel
 from server.nav.types import Float, Int
 
 PSEUDO_INTERVAL_NS: Final = 1e8  # ten a second: the board's sway is correlated for about that long
 WHEELS_INTERVAL_NS: Final = 2e8
 FLYING_M_S: Final = 8.0  # over ground; a fixed wing this fast has taken off or is about to
+AIRBORNE_M: Final = 2.0  # above where it stood still last: more than heights err by from take-off to landing
+AIRBORNE_M_S: Final = 2.0  # over ground
+LANDED_NS: Final = 1e9
 REST_BEFORE_ZERO_S: Final = 1.0
 STILL_SPEED_M_S: Final = 0.15
 HOVER_VELOCITY_M_S: Final = 0.7
@@ -54,6 +71,19 @@ def _pseudo(h: Float, t_ns: float, aid: float) -> None:
     for i in range(H_SIZE):
         h[i] = 0.0
     h[H_AID], h[H_T], h[H_STATUS] = aid, t_ns, UNDECIDED
+
+
+@kernel("boolean(float64[::1], float64[::1], float64[::1], float64[::1], int64[::1])")
+def _rotors_carry(x: Float, u: Float, par: Float, aux: Float, ctl: Int) -> bool:
+    """Return whether a multirotor is in the air: above where it stood still last, or faster than legs can be.
+
+    On them the specific force across the body is the slope of the ground. A smooth flight looks still as well, so rest
+    counts when it is confirmed, which takes along the height.
+    """
+    if par[PAR_VEHICLE] != MULTIROTOR or not ctl[C_POSITIONED] or u[U_T] - aux[A_T_STILL] < LANDED_NS:
+        return False
+    fast = x[X_VEL] ** 2 + x[X_VEL + 1] ** 2 > AIRBORNE_M_S**2
+    return bool(fast or x[X_POS + 2] - aux[A_REST_HEIGHT] > AIRBORNE_M)  # NaN: it never stood still
 
 
 @kernel(
@@ -87,6 +117,10 @@ def pseudo_measurements(
         aux[A_T_SIDESLIP] = t
         _pseudo(h, t, SIDESLIP)
         dirty = attach(h, dirty, t, ctl, work, r_u, r_m, r_n, aids, aid_t)
+    if par[PAR_DRAG] > 0.0 and t - aux[A_T_DRAG] >= WHEELS_INTERVAL_NS and _rotors_carry(x, u, par, aux, ctl):
+        aux[A_T_DRAG] = t
+        _pseudo(h, t, DRAG_AID)
+        dirty = attach(h, dirty, t, ctl, work, r_u, r_m, r_n, aids, aid_t)
     if ctl[C_POSITIONED] and par[PAR_VEHICLE] == CAR and t - aux[A_T_WHEELS] >= WHEELS_INTERVAL_NS:
         aux[A_T_WHEELS] = t
         _pseudo(h, t, WHEELS)
@@ -112,6 +146,7 @@ def pseudo_measurements(
         at_rest = t - first + k * PSEUDO_INTERVAL_NS
         if ctl[C_POSITIONED]:
             aux[A_T_STILL] = t
+            aux[A_REST_HEIGHT] = x[X_POS + 2]
             _pseudo(h, at_rest, ZERO_VELOCITY)
             h[H_ACC] = par[PAR_ZERO_VELOCITY] if fresh or rolls else HOVER_VELOCITY_M_S
             dirty = attach(h, dirty, t, ctl, work, r_u, r_m, r_n, aids, aid_t)

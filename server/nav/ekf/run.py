@@ -19,10 +19,12 @@ from server.nav.ekf.layout import (
     A_GYRO_VAR,
     A_K_ALT,
     A_K_BARO,
+    A_K_DRAG,
     A_K_MAG,
     A_K_POS,
     A_K_VEL,
     A_MAG_WEIGHT,
+    A_REST_HEIGHT,
     A_SITE,
     A_T_GNSS,
     A_T_START,
@@ -75,9 +77,10 @@ def _forget(x: Float, P: Float, aux: Float, ctl: Int) -> None:
     for i in range(3):
         x[X_POS + i] = aux[A_SITE + i]
         aux[A_GYRO_MEAN + i] = aux[A_GYRO_VAR + i] = aux[A_ACCEL_MEAN + i] = aux[A_ACCEL_VAR + i] = 0.0
-    aux[A_K_POS] = aux[A_K_VEL] = aux[A_K_ALT] = aux[A_K_BARO] = aux[A_K_MAG] = 1.0
+    aux[A_K_POS] = aux[A_K_VEL] = aux[A_K_ALT] = aux[A_K_BARO] = aux[A_K_MAG] = aux[A_K_DRAG] = 1.0
     aux[A_MAG_WEIGHT] = 0.0
     aux[A_T_START] = NEVER_NS
+    aux[A_REST_HEIGHT] = math.nan
     ctl[C_POSITIONED] = ctl[C_VALID] = ctl[C_ALIGNED_BEFORE] = 0
     ctl[C_BARO_SEEN] = ctl[C_REFUSED_RUN] = ctl[C_STILL_STEPS] = ctl[C_HAS_HEADING] = 0
     restart(aux, ctl)

@@ -10,7 +10,6 @@ from server.nav.ekf.predict import move_position
 from server.nav.ekf.states import (
     ACCEL_BIAS,
     ATT,
-    BARO,
     FIELD,
     GYRO_BIAS,
     MAG_BIAS,
@@ -18,7 +17,7 @@ from server.nav.ekf.states import (
     VEL,
     WIND,
     X_ACCEL_BIAS,
-    X_BARO,
+    X_DRAG,
     X_FIELD,
     X_GYRO_BIAS,
     X_MAG_BIAS,
@@ -145,11 +144,9 @@ def inject(x: Float, P: Float, work: Float) -> None:
         x[X_FIELD + i] += d[FIELD + i]
         x[X_MAG_BIAS + i] += d[MAG_BIAS + i]
     n = int(work[W_DIM])
-    if n > WIND:
-        x[X_WIND] += d[WIND]
-        x[X_WIND + 1] += d[WIND + 1]
-    for i in range(BARO, n):  # the sensors' slow errors stand in both tables in the same order
-        x[X_BARO + i - BARO] += d[i]
+    for i in range(WIND, n):  # from the wind on both tables have the same order
+        x[X_WIND + i - WIND] += d[i]
+    x[X_DRAG] = max(0.0, x[X_DRAG])  # drag brakes
     move_position(x, d[POS], d[POS + 1], d[POS + 2])
     for i in range(n):
         d[i] = 0.0

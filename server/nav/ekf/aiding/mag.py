@@ -14,10 +14,12 @@ from server.nav.codes import FUSED, REFUSED_DISTURBED, REFUSED_GATE
 from server.nav.ekf.aiding.gnss import REFUSED_K, tracked_ratio
 from server.nav.ekf.delays import MAG as MAG_DELAY
 from server.nav.ekf.layout import (
+    A_DECLINATION,
     A_FIELD_D,
     A_FIELD_H,
     A_K_MAG,
     C_HAS_FIELD,
+    C_POSITIONED,
     H_DATA,
     H_STATUS,
     H_T,
@@ -37,7 +39,7 @@ from server.nav.ekf.layout import (
     W_RATIO,
     W_VAR,
 )
-from server.nav.ekf.states import ATT, FIELD, MAG_BIAS, X_FIELD, X_GYRO_BIAS, X_MAG_BIAS, X_Q
+from server.nav.ekf.states import ATT, FIELD, MAG_BIAS, X_FIELD, X_GYRO_BIAS, X_MAG_BIAS, X_Q, packed
 from server.nav.ekf.update import clear_row, correction_seen, fuse, project
 from server.nav.kernel import kernel
 from server.nav.rotation import matrix_entries
@@ -46,6 +48,8 @@ from server.nav.types import Float, Int
 LEARN: Final = 0.01  # weight of one sample in the tracked noise: 5 to 10 s of samples
 K_MIN: Final = 0.36  # what soft iron, currents and timing leave is not white: 6 mG at least, at 25 samples a second
 K_MAX: Final = 25.0
+ANGLE_TOLERANCE_RAD: Final = math.radians(20.0)  # uncalibrated soft iron turns the field by 11° at most
+ANGLE_SIGMAS: Final = 5.0
 STRENGTH_TOLERANCE: Final = 0.25
 """Share of the model's strength; crustal anomalies stay under 10 %, uncalibrated soft iron under 20 %."""
 
@@ -83,6 +87,20 @@ def observe(x: Float, u: Float, work: Float, i: int) -> None:
     work[W_D + MAG_DELAY] = wj * x[X_FIELD + k] - wk * x[X_FIELD + j]
 
 
+@kernel("boolean(UniTuple(float64, 3), float64[::1], float64[::1], int64[::1])")
+def _points_elsewhere(z: tuple[float, float, float], P: Float, aux: Float, ctl: Int) -> bool:
+    """Return whether the field, as the attitude turns it, points far from the model's: to be asked with GNSS only.
+
+    Motion holds the heading then. As its σ grows without a magnetometer the tolerance does, so a heading that is
+    wrong after all finds back.
+    """
+    if not ctl[C_POSITIONED]:
+        return False
+    off = math.atan2(z[1], z[0]) - aux[A_DECLINATION]
+    off = abs((off + math.pi) % (2.0 * math.pi) - math.pi)
+    return bool(off > max(ANGLE_TOLERANCE_RAD, ANGLE_SIGMAS * math.sqrt(P[packed(ATT + 2, ATT + 2)])))
+
+
 @kernel(HANDLER)
 def field(h: Float, x: Float, P: Float, u: Float, par: Float, aux: Float, ctl: Int, work: Float) -> None:
     """Handle a magnetic field in the body, gauss; decide at first use, then correct."""
@@ -108,7 +126,7 @@ def field(h: Float, x: Float, P: Float, u: Float, par: Float, aux: Float, ctl: I
         h[H_STATUS] = FUSED if worst <= 1.0 else REFUSED_GATE
         strength = math.sqrt(aux[A_FIELD_H] ** 2 + aux[A_FIELD_D] ** 2)
         off = abs(math.sqrt(z[0] ** 2 + z[1] ** 2 + z[2] ** 2) - strength)
-        if ctl[C_HAS_FIELD] and off > STRENGTH_TOLERANCE * strength:
+        if ctl[C_HAS_FIELD] and (off > STRENGTH_TOLERANCE * strength or _points_elsewhere(z, P, aux, ctl)):
             h[H_STATUS] = REFUSED_DISTURBED
         most = K_MAX if h[H_STATUS] == FUSED else max(aux[A_K_MAG], REFUSED_K)  # what is refused must not open its gate
         aux[A_K_MAG] = min(most, max(K_MIN, tracked_ratio(aux[A_K_MAG], excess, LEARN)))

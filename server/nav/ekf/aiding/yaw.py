@@ -7,6 +7,7 @@ from typing import Final
 
 from server.nav.codes import ALIGNING, YAW
 from server.nav.ekf.align import set_heading
+from server.nav.ekf.blocks import switch_mag_on
 from server.nav.ekf.events import add_event
 from server.nav.ekf.layout import (
     A_T_ASTRAY,
@@ -26,7 +27,7 @@ from server.nav.ekf.layout import (
     W_OBS,
     W_VAR,
 )
-from server.nav.ekf.states import ACCEL_BIAS, ATT, GYRO_BIAS, packed
+from server.nav.ekf.states import ACCEL_BIAS, ATT, GYRO_BIAS, MAG_BIAS, packed
 from server.nav.ekf.update import reset_axis
 from server.nav.ekf.yaw_bank import bank_turn
 from server.nav.kernel import kernel
@@ -67,14 +68,19 @@ def heading_due(t_ns: float, x: Float, P: Float, aux: Float, ctl: Int, bank: Flo
     return True
 
 
-@kernel("void(float64[::1], float64[::1], float64[::1], int64[::1], float64[::1], float64[:, ::1])")
-def bank_heading(h: Float, x: Float, P: Float, ctl: Int, work: Float, events: Float) -> None:
-    """Turn the heading by what the bank found; one that was astray has spoiled the biases as well."""
+@kernel(
+    "void(float64[::1], float64[::1], float64[::1], float64[::1], float64[::1], int64[::1], float64[::1],"
+    " float64[:, ::1])"
+)
+def bank_heading(h: Float, x: Float, P: Float, par: Float, aux: Float, ctl: Int, work: Float, events: Float) -> None:
+    """Turn the heading by what the bank found; one that was astray has spoiled the biases as well, and the field."""
     set_heading(x, P, h[H_DATA], h[H_ACC])
     if h[H_DATA + 1] > 0.0:
         for i in range(3):
             reset_axis(P, GYRO_BIAS + i, GYRO_BIAS_AGAIN_RAD_S**2)
             reset_axis(P, ACCEL_BIAS + i, ACCEL_BIAS_AGAIN_M_S2**2)
+        if P[packed(MAG_BIAS, MAG_BIAS)] > 0.0:
+            switch_mag_on(x, P, par, aux, ctl, work)
     work[W_OBS] = work[W_INNOV] = h[H_DATA]
     work[W_VAR] = h[H_ACC] ** 2
     if h[H_STATUS] == UNDECIDED:
