@@ -84,6 +84,11 @@ class Board:
         """Whether its task drives it."""
         return self._state
 
+    @property
+    def main_lane(self) -> str:
+        """The estimator that is shown where one is: the first of those chosen."""
+        return self._lanes[0]
+
     def snapshot(self) -> Snapshot:
         """Return the newest state of everything."""
         return self._engine.snapshot()

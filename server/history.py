@@ -12,7 +12,8 @@ from server.rows import MAX_ROWS, RowTopic, Table, Thinner, merged
 
 RATE_HZ: Final = 10.0
 MAX_PENDING: Final = 512  # results that wait for `flush`; reaching it flushes
-AID_KINDS: Final = 10  # aids are thinned each kind for itself
+AID_GROUPS: Final = 10  # of those there are, as many as one board has: thinned each kind for itself
+TURNS: Final = 2  # attitude and position, in rows of their own
 
 
 class Ring:
@@ -102,11 +103,11 @@ class History:
         self._newest_ns[name] = newest
 
     def _store(self, name: str, topic: RowTopic, table: Table) -> None:
-        aids = topic.columns is AID_COLUMNS
         if name not in self._rings:
-            rows = min(MAX_ROWS, round(self._span_s * RATE_HZ) * (AID_KINDS if aids else 1))
+            groups = AID_GROUPS if topic.columns is AID_COLUMNS else TURNS if topic.group is not None else 1
+            rows = min(MAX_ROWS, round(self._span_s * RATE_HZ) * groups)
             self._rings[name] = Ring(rows, len(topic.columns))
-            self._thinners[name] = Thinner(RATE_HZ)
-        kept = self._thinners[name].thin(table, 0 if aids else None)
+            self._thinners[name] = Thinner(RATE_HZ, topic.group)
+        kept = self._thinners[name].thin(table)
         if kept is not None:
             self._rings[name].append(kept)

@@ -7,10 +7,11 @@ times (float64 t_ns, n_cols float64). Unknown is NaN.
 from __future__ import annotations
 
 import struct
-from collections.abc import Callable, Iterable, Sequence
+from collections.abc import Callable, Sequence
 from typing import Final, NamedTuple, Protocol
 
 import numpy as np
+from numpy.typing import NDArray
 
 from server.nav.types import (
     AID_COLUMNS,
@@ -31,6 +32,8 @@ VERSION: Final = 1
 HEADER: Final = struct.Struct("<BBHHH")
 MAX_ROWS: Final = 65_535
 LANE_TOPIC: Final = "lanes/"
+IN_TURNS: Final = frozenset({"lanes/onboard", "lanes/reference", "raw/onboard", "raw/reference"})
+"""Attitude and position come in messages, and so in rows, of their own: one never stands for the other."""
 RAW_KINDS: Final = (Kind.IMU, Kind.MAG, Kind.BARO, Kind.GNSS, Kind.AIRSPEED, Kind.REFERENCE, Kind.ONBOARD)
 
 
@@ -42,22 +45,34 @@ class Table(NamedTuple):
 
 
 Extract = Callable[[StepResult], Table | None]
+Grouping = Callable[[Float], Float]
+"""Data of shape (n, columns) → a number per row, shape (n,); rows of different groups say different things."""
 
 
 class RowTopic(NamedTuple):
-    """Columns of a topic, and how its rows come out of a result of the engine."""
+    """Columns of a topic, how its rows come out of a result of the engine, and which may stand for one another."""
 
     columns: tuple[str, ...]
     extract: Extract
+    group: Grouping | None = None
 
 
 def row_topics(lanes: Sequence[str]) -> dict[str, RowTopic]:
     """Return the binary topics of a board that has these lanes, running or not, by name below `boards/{id}/`."""
     topics = {f"{LANE_TOPIC}{lane}": RowTopic(LANE_COLUMNS, _lane(lane)) for lane in lanes}
     topics["filtered"] = RowTopic(STEP_COLUMNS, lambda result: _filled(result.filtered.t_ns, result.filtered.data))
-    topics["aids"] = RowTopic(AID_COLUMNS, lambda result: _filled(result.aids.t_ns, result.aids.data))
+    topics["aids"] = RowTopic(AID_COLUMNS, lambda result: _filled(result.aids.t_ns, result.aids.data), _first_column)
     topics |= {f"raw/{kind.name.lower()}": RowTopic(SAMPLE_COLUMNS[kind], _raw(kind)) for kind in RAW_KINDS}
-    return topics
+    return {name: topic._replace(group=known_columns) if name in IN_TURNS else topic for name, topic in topics.items()}
+
+
+def known_columns(data: Float) -> Float:
+    """Return a number per row that says which of its columns are known."""
+    return np.asarray(np.isfinite(data) @ 2.0 ** np.arange(data.shape[1]), dtype=np.float64)
+
+
+def _first_column(data: Float) -> Float:
+    return data[:, 0]
 
 
 def lane_of(topic: str) -> str | None:
@@ -84,14 +99,6 @@ def _raw(kind: Kind) -> Extract:
         return Table(result.block.t_ns[at], result.block.data[at, :width]) if at.size else None
 
     return extract
-
-
-def joined(tables: Iterable[Table | None]) -> Table | None:
-    """Return all rows one after the other; None when there are none."""
-    found = [table for table in tables if table is not None]
-    if len(found) < 2:
-        return found[0] if found else None
-    return Table(np.concatenate([table.t_ns for table in found]), np.concatenate([table.data for table in found]))
 
 
 def merged(results: Sequence[StepResult]) -> StepResult:
@@ -149,29 +156,31 @@ def message(stream_id: int, boot_id: int, n_rows: int, n_cols: int, body: bytes)
 
 
 class Thinner:
-    """Keep the newest row of each period of board time; rows of different groups do not replace each other."""
+    """Keep the first row of each period of board time: the same rows however they are cut.
 
-    def __init__(self, rate_hz: float) -> None:
+    Rows of different groups do not replace each other.
+    """
+
+    def __init__(self, rate_hz: float, group: Grouping | None = None) -> None:
         self._period_ns = round(1e9 / rate_hz)
-        self._slot: dict[float, int] = {}
+        self._group = group
+        self._served: dict[float, int] = {}
 
-    def thin(self, table: Table, group_column: int | None = None) -> Table | None:
-        """Return the rows to keep; a period counts as served by the newest row there was when it was asked for."""
-        if group_column is None:
-            return self._one(table, 0.0)
-        groups = table.data[:, group_column]
-        parts = (Table(table.t_ns[groups == g], table.data[groups == g]) for g in np.unique(groups))
-        return joined(self._one(part, float(part.data[0, group_column])) for part in parts)
-
-    def _one(self, table: Table, group: float) -> Table | None:
+    def thin(self, table: Table) -> Table | None:
+        """Return the rows to keep in the order in which they came; None when there are none."""
+        groups = self._group(table.data) if self._group is not None else np.zeros(table.t_ns.size)
         slot = table.t_ns // self._period_ns
-        served = self._slot.get(group, -1)
-        newest = int(slot[-1])
-        if newest <= served:
-            return None
-        self._slot[group] = newest
-        if slot.size == 1:
-            return table
-        last = np.append(np.flatnonzero(slot[1:] != slot[:-1]), slot.size - 1)
-        last = last[slot[last] > served]
-        return Table(table.t_ns[last], table.data[last])
+        if table.t_ns.size == 1:
+            return table if self._serve(float(groups[0]), slot)[0] else None
+        kept = np.zeros(table.t_ns.size, dtype=np.bool_)
+        for group in np.unique(groups):
+            at = np.flatnonzero(groups == group)
+            kept[at] = self._serve(float(group), slot[at])
+        return Table(table.t_ns[kept], table.data[kept]) if kept.any() else None
+
+    def _serve(self, group: float, slot: Int) -> NDArray[np.bool_]:
+        """Return which rows are the first of a period later than all before, shape of `slot`."""
+        newest = np.maximum.accumulate(np.append(self._served.get(group, -1), slot))
+        self._served[group] = int(newest[-1])
+        first: NDArray[np.bool_] = newest[1:] > newest[:-1]
+        return first

@@ -5,14 +5,25 @@ from __future__ import annotations
 import math
 from collections.abc import Iterable
 from dataclasses import asdict
-from typing import TYPE_CHECKING
+from typing import TYPE_CHECKING, Final
 
 from server.board_view import BoardView
 from server.link.base import LinkStatus
-from server.nav.types import LANE_COLUMNS, SAMPLE_COLUMNS, AidHealth, AidStatus, Kind, LaneState, SensorHealth, Site
+from server.nav.types import (
+    LANE_COLUMNS,
+    SAMPLE_COLUMNS,
+    AidHealth,
+    AidStatus,
+    Kind,
+    LaneState,
+    SensorHealth,
+    Site,
+    Snapshot,
+)
 from server.verdict import lane_status
 from server.wire import AidOut, CountOut, EngineOut, LaneOut, SensorOut, SiteOut
 from server.wire_consistency import ConsistencyOut
+from server.wire_delays import DelayedName, DelayOut
 from server.wire_lanes import LaneChoiceOut, LanesOut, ParameterOut
 from server.wire_link import LinkOut, MessageOut, ProtocolOut, RequestOut, SenderOut
 
@@ -126,6 +137,32 @@ def consistency_out(view: BoardView) -> tuple[ConsistencyOut, ...]:
     """Return the main lane's consistency; none before the engine exists."""
     groups = view.snapshot.consistency if view.snapshot is not None else ()
     return tuple(ConsistencyOut.model_validate(asdict(group)) for group in groups)
+
+
+TOLD_OF: Final[dict[DelayedName, str]] = {
+    "imu": "imu",
+    "gnss_position": "gnss",
+    "gnss_velocity": "gnss",
+    "mag": "mag",
+    "baro": "baro",
+}
+"""Measurement → the delay that may be told of it: a receiver's position and velocity are told together."""
+
+
+def delays_out(view: BoardView) -> tuple[DelayOut, ...]:
+    """Return the delay of every measurement with where it is from; none before the first sample."""
+    snapshot = view.snapshot
+    return tuple(_delay(snapshot, name) for name in TOLD_OF) if snapshot is not None and snapshot.t_ns >= 0 else ()
+
+
+def _delay(snapshot: Snapshot, name: DelayedName) -> DelayOut:
+    told = next((one for one in snapshot.told_delays if one.name == TOLD_OF[name]), None)
+    if told is not None:
+        return DelayOut.model_validate({"measurement": name, "delay_s": told.delay_s, "source": told.source})
+    found = next((one for one in snapshot.delays if one.name == name), None)
+    if found is not None:
+        return DelayOut(measurement=name, delay_s=found.delay_s, sigma_s=found.sigma_s, source="estimated")
+    return DelayOut(measurement=name, source="unknown")
 
 
 def lanes_out(view: BoardView) -> tuple[LaneOut, ...]:

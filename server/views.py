@@ -15,6 +15,7 @@ from server.verdict import STALE_S, judge, lane_status, worst
 from server.view_parts import (
     aids_out,
     consistency_out,
+    delays_out,
     engine_out,
     lanes_out,
     link_out,
@@ -73,6 +74,7 @@ def health_out(view: BoardView) -> HealthOut:
         aids=aids_out(view),
         lanes=lanes_out(view),
         consistency=consistency_out(view),
+        delays=delays_out(view),
         site=site_out(snapshot.site) if snapshot is not None else None,
         filtered=filtered,
         events=tuple(event_out(record, view.now_ns) for record in view.events[-HEALTH_EVENTS:]),
@@ -98,6 +100,7 @@ def nav_out(view: BoardView, lane_name: str) -> NavOut:
         "q_nb": q_nb if np.isfinite(q_nb).all() else None,
         "aids": aids_out(view),
         "sensors": sensors_out(view),
+        "delays": delays_out(view),
         "site": site_out(view.snapshot.site if view.snapshot is not None else None),
     }
     return NavOut.model_validate(fields)

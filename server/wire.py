@@ -14,6 +14,7 @@ from pydantic import Field
 
 from server.wire_base import In, Num, Out, Severity
 from server.wire_consistency import ConsistencyOut, ConsistencyVerdict
+from server.wire_delays import DelayOut
 from server.wire_lanes import LaneStatusName, Provides
 from server.wire_link import LinkOut, ProtocolOut
 
@@ -216,6 +217,7 @@ class NavOut(Out):
     dead_reckoning_s: Num
     aids: tuple[AidOut, ...]
     sensors: tuple[SensorOut, ...]
+    delays: tuple[DelayOut, ...] = Field(description="of every measurement; empty before the first sample")
     site: SiteOut | None
 
 
@@ -237,6 +239,7 @@ class HealthOut(Out):
     consistency: tuple[ConsistencyOut, ...] = Field(
         description='of the main lane: state groups that have a reference, then "lane"; empty while it does not run'
     )
+    delays: tuple[DelayOut, ...] = Field(description="of every measurement; empty before the first sample")
     site: SiteOut | None
     filtered: dict[str, Num] = Field(description="newest row of the filtered topic, by STEP_COLUMNS; empty before it")
     events: tuple[EventOut, ...] = Field(description="newest last, at most 50")

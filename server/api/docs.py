@@ -19,8 +19,9 @@ STREAM_TEXT: Final = """<h2 id="stream">WebSocket /api/v1/stream</h2>
 <p>Text messages are JSON: SubscribeIn, UnsubscribeIn and PingIn to the server; SubscribedOut, StreamErrorOut, PongOut,
 TickOut and DataOut from it. Binary messages are rows, little-endian: uint8 version (1), uint8 id, uint16 n_rows,
 uint16 n_cols, uint16 boot_id, then n_rows times (float64 t_ns, n_cols float64); unknown is NaN. A rate below the
-topic's own gives the newest row of each period; at or above it every row. GET /api/v1/boards names every board's
-topics with their columns.</p>"""
+topic's own gives the first row of each period (of onboard and reference one with attitude and one with position, which
+come in rows of their own); at or above it every row. GET /api/v1/boards names every board's topics with their
+columns.</p>"""
 
 
 @router.get("/docs")

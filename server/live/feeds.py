@@ -8,7 +8,7 @@ from typing import Final
 
 from server.board import Board
 from server.live.outbox import Outbox
-from server.nav.types import AID_COLUMNS, StepResult
+from server.nav.types import StepResult
 from server.rows import MAX_ROWS, RowTopic, Table, Thinner, merged, message, packed
 from server.views import event_out
 
@@ -30,17 +30,17 @@ class RowFeed:
         self.rate_hz = rate_hz
         self._topic = topic
         self._native_rate_hz = native_rate_hz
-        self._thinner = Thinner(rate_hz)
+        self._thinner = Thinner(rate_hz, topic.group)
         self._boot_id = -1
 
     def push(self, result: StepResult) -> None:
         """Send what this result holds of the topic."""
         boot_id = result.boot_id
         if boot_id != self._boot_id:
-            self._boot_id, self._thinner = boot_id, Thinner(self.rate_hz)
+            self._boot_id, self._thinner = boot_id, Thinner(self.rate_hz, self._topic.group)
         table = self._topic.extract(result)
         if table is not None and not self._wants_all():
-            table = self._thinner.thin(table, 0 if self._topic.columns is AID_COLUMNS else None)
+            table = self._thinner.thin(table)
         if table is not None:
             self._send(table, boot_id)
 

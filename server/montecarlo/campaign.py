@@ -14,29 +14,18 @@ from server.sim import SimSettings, gnss, sensors
 Told = Literal["defaults", "sheet"]
 LANE: Final = "ins_ekf"
 EPOCH_S: Final = 0.5
-FLIGHT_S: Final = 300.0
-"""Five times as long as the receiver's slow error lasts: in a shorter flight all epochs share one draw of it."""
+FLIGHT_S: Final = 600.0
+"""Ten times as long as the receiver's slow error lasts: in a short flight all epochs share one draw of it."""
 WIND_M_S: Final = 8.0
 """The mean wind of a flight is drawn evenly up to here: a fresh breeze, the most a 2 kg multirotor is flown in."""
-WARMING_K_S: Final = (sensors.WARM_DEGC - sensors.COLD_DEGC) / sensors.WARM_UP_S / math.sqrt(3.0)
-"""How fast the demo board warms up, over the root of three: a sheet's figure per kelvin is a limit, drawn evenly."""
-GYRO_LEARNED_S: Final = 30.0
-ACCEL_LEARNED_S: Final = 12.0
-"""A bias that runs with the temperature is told as the random walk that goes as far in the time over which the filter
-learns it: from the heading, the slower one, and from the velocity."""
 STEP_S: Final = 0.02
-
-
-def _walk(density: float, per_k: float, learned_s: float) -> float:
-    """Return the random walk of a bias with the warming-up in it."""
-    return math.hypot(density, WARMING_K_S * per_k * math.sqrt(learned_s))
-
-
 SHEET: Final = {
     "gyro_noise_rad_s_rthz": sensors.GYRO_NOISE_RAD_S_RTHZ,
     "accel_noise_m_s2_rthz": sensors.ACCEL_NOISE_M_S2_RTHZ,
-    "gyro_bias_walk_rad_s2_rthz": _walk(sensors.GYRO_WALK_RAD_S2_RTHZ, sensors.GYRO_PER_K_RAD_S, GYRO_LEARNED_S),
-    "accel_bias_walk_m_s3_rthz": _walk(sensors.ACCEL_WALK_M_S3_RTHZ, sensors.ACCEL_PER_K_M_S2, ACCEL_LEARNED_S),
+    "gyro_bias_walk_rad_s2_rthz": sensors.GYRO_WALK_RAD_S2_RTHZ,
+    "gyro_bias_per_k_rad_s": sensors.GYRO_PER_K_RAD_S / math.sqrt(3.0),  # a limit, drawn evenly
+    "accel_bias_walk_m_s3_rthz": sensors.ACCEL_WALK_M_S3_RTHZ,
+    "accel_bias_per_k_m_s2": sensors.ACCEL_PER_K_M_S2 / math.sqrt(3.0),
     "accel_bias_sigma_m_s2": math.hypot(sensors.ACCEL_BIAS_M_S2, 9.8 * sensors.CROSS_ERROR) / math.sqrt(3.0),
     "zero_rate_rad_s": sensors.GYRO_NOISE_RAD_S_RTHZ / math.sqrt(STEP_S),  # the demo board does not sway on its legs
     "zero_velocity_m_s": 0.0004,

@@ -39,6 +39,7 @@ AIRSPEED_AID: Final = int(Aid.AIRSPEED)
 SIDESLIP: Final = int(Aid.SIDESLIP)
 WHEELS: Final = int(Aid.WHEELS)
 YAW: Final = int(Aid.YAW)
+DRAG_AID: Final = int(Aid.DRAG)
 
 ALIGNING: Final = int(LaneStatus.ALIGNING)
 ATTITUDE: Final = int(LaneStatus.ATTITUDE)

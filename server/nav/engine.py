@@ -43,11 +43,13 @@ from server.nav.types import (
     SampleBlock,
     Snapshot,
     StepResult,
+    ToldDelay,
     VehicleClass,
 )
 
 EVENTS_KEPT: Final = 100
 CARRIED_ROWS: Final = 2048
+DELAYED: Final = ("imu", "mag", "gnss", "baro")
 MAIN: Final = "ins_ekf"
 """The lane whose aids are recorded and whose consistency is judged."""
 
@@ -82,6 +84,7 @@ class NavEngine:
         self._memory, self._counters = new_memory()
         self._finder = SiteFinder(self._settings, self._field_model)
         self._delays_s = [0.0, 0.0, 0.0, 0.0]
+        self._told_delays: tuple[ToldDelay, ...] = ()
         self._vehicle = int(self._settings.vehicle)
         self._carried = np.empty((0, at.M_SIZE))
         self._held = np.full(5, np.nan)
@@ -168,6 +171,11 @@ class NavEngine:
         given = (own.imu_delay_s, own.mag_delay_s, own.gnss_delay_s, own.baro_delay_s)
         for i, (setting, profile) in enumerate(zip(given, profile_s, strict=True)):
             self._delays_s[i] = setting if math.isfinite(setting) else profile
+        self._told_delays = tuple(
+            ToldDelay(name=name, delay_s=delay_s, source="settings" if math.isfinite(setting) else "board")
+            for name, delay_s, setting in zip(DELAYED, self._delays_s, given, strict=True)
+            if math.isfinite(delay_s)
+        )
 
     def _configure(self, kind: Kind, row: Float) -> None:
         """Take what the board says of itself."""
@@ -317,6 +325,7 @@ class NavEngine:
             steps=self._steps,
             vehicle=VehicleClass(self._vehicle),
             delays=self._bank.delays(),
+            told_delays=self._told_delays,
             consistency=consistency(self._book, self._nees) if MAIN in self._bank.chosen else (),
         )
 

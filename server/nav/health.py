@@ -42,7 +42,7 @@ REASONS: Final = (
 )
 
 
-PSEUDO: Final = (Aid.ZERO_VELOCITY, Aid.ZERO_RATE, Aid.GRAVITY)
+PSEUDO: Final = (Aid.ZERO_VELOCITY, Aid.ZERO_RATE, Aid.GRAVITY, Aid.DRAG)
 """Aids that measure nothing but assume."""
 RECENT_NS: Final = 10e9
 """How long a hole in the data stays worth a caution; the count stays for ever."""
@@ -134,7 +134,7 @@ class AidBook:
         """Return the innovation tests of the aids that are sensors.
 
         Zero velocity, zero rate and gravity have variances for the worst board that still counts as resting, so that on
-        a quiet bench they are conservative, and mean to be.
+        a quiet bench they are conservative, and mean to be; so is drag, whose errors last from one to the next.
         """
         return [(f"{aid.name.lower()} NIS", test) for aid, test in self._nis.tests().items() if aid not in PSEUDO]
 

@@ -201,6 +201,7 @@ class Aid(IntEnum):
     GNSS_COURSE = 9
     WHEELS = 10  # a car neither slides sideways nor jumps
     YAW = 11  # heading from accelerations against GNSS velocities
+    DRAG = 12  # a multirotor's drag brakes it against the air
 
 
 class AidStatus(IntEnum):
@@ -409,6 +410,20 @@ class DelayState:
     sigma_s: float
 
 
+@dataclass(frozen=True, slots=True, kw_only=True)
+class ToldDelay:
+    """A delay that somebody told: a sample stamped t is valid at t − delay.
+
+    Attributes:
+        name: "imu", "mag", "gnss" or "baro".
+        source: "settings" or "board" (what the protocol knows of this kind of board).
+    """
+
+    name: str
+    delay_s: float
+    source: str
+
+
 @dataclass(frozen=True, slots=True, kw_only=True, eq=False)
 class LaneState:
     """Newest state of one lane: `row` has shape (len(LANE_COLUMNS),), valid at `t_ns`; `failure` says why it ended."""
@@ -435,6 +450,7 @@ class Snapshot:
     steps: int
     vehicle: VehicleClass = VehicleClass.UNKNOWN
     delays: tuple[DelayState, ...] = ()  # found on line; () when all were told
+    told_delays: tuple[ToldDelay, ...] = ()  # those that nobody told are missing
     consistency: tuple[ConsistencyHealth, ...] = ()  # the main lane's: groups with a reference, then "lane"
 
 

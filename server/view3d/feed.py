@@ -3,7 +3,6 @@
 from __future__ import annotations
 
 import math
-from collections.abc import Sequence
 from dataclasses import dataclass
 from typing import Final, Protocol
 
@@ -14,8 +13,10 @@ Vec3 = tuple[float, float, float]
 Quat = tuple[float, float, float, float]
 
 MAIN_LANE: Final = "ins_ekf"
+"""The estimator that stands in where the chosen main lane has no position."""
+
 PASS_THROUGH: Final = frozenset({"onboard", "reference"})
-"""Lanes that estimate nothing; shown, but never the one the vehicle follows while there is another."""
+"""Lanes that estimate nothing: unless chosen as the main one, followed only while no estimator has a position."""
 
 IDENTITY: Final[Quat] = (1.0, 0.0, 0.0, 0.0)
 ORIGIN: Final[Vec3] = (0.0, 0.0, 0.0)
@@ -37,6 +38,11 @@ class BoardFeed(Protocol):
     @property
     def hub(self) -> Hub:
         """The board's topics; `results` is subscribed to only while somebody looks."""
+        ...
+
+    @property
+    def main_lane(self) -> str:
+        """The lane chosen as the main one; it may have no position, or not run yet."""
         ...
 
     def snapshot(self) -> Snapshot | None:
@@ -84,10 +90,3 @@ def pose_from_row(row: Float) -> Pose:
 
 def _vec3(values: list[float], start: int) -> Vec3:
     return values[start], values[start + 1], values[start + 2]
-
-
-def main_lane(lanes: Sequence[str]) -> str | None:
-    """Return the lane that the vehicle shows: `ins_ekf`, else the first estimator, else what there is."""
-    if MAIN_LANE in lanes:
-        return MAIN_LANE
-    return next((lane for lane in lanes if lane not in PASS_THROUGH), lanes[0] if lanes else None)

@@ -10,7 +10,8 @@ import numpy as np
 
 from server.hub import Subscription
 from server.nav.types import SAMPLE_COLUMNS, Kind, StepResult, VehicleClass
-from server.view3d.feed import BoardFeed, Pose, Vec3, main_lane, pose_from_row
+from server.view3d.feed import BoardFeed, Pose, Vec3, pose_from_row
+from server.view3d.lead import Lead
 from server.view3d.trail import Track
 from server.view3d.viewer import Viewer
 
@@ -32,7 +33,7 @@ class Stage:
         self._given = kind
         self.viewers: set[Viewer] = set()
         self._results: Subscription[StepResult] | None = None
-        self._main: str | None = None
+        self._lead = Lead()
         self._h_acc_m = math.nan
 
     @property
@@ -65,12 +66,13 @@ class Stage:
         self._show(active, self._results.drain())
         for viewer in active if survey else ():
             viewer.draw_as(self.kind)
-            viewer.survey(self.track, self._main, self._newest_fix(), self._h_acc_m)
+            viewer.survey(self.track, self._lead.place, self._newest_fix(), self._h_acc_m)
 
     def _show(self, active: list[Viewer], results: list[StepResult]) -> None:
         for result in results:
             self._note(result)
-        pose = self._newest(results)
+        self._lead.choose(self.board.main_lane, self.track)
+        pose = self._lead.follow(results)
         if pose is not None:
             attitudes = self._attitudes(results)
             for viewer in active:
@@ -81,19 +83,6 @@ class Stage:
         poses = {lane: self.track.poses[lane] for lane in self.track.attitudes if lane in self.track.poses}
         newest = {rows.lane: rows.data[-1] for result in results for rows in result.lanes if len(rows.t_ns)}
         return {lane: pose_from_row(newest[lane]) if lane in newest else pose for lane, pose in poses.items()}
-
-    def _newest(self, results: list[StepResult]) -> Pose | None:
-        self._choose_main()
-        for result in reversed(results):
-            names = [rows.lane for rows in result.lanes if len(rows.t_ns)]
-            lane = self._main or main_lane(names)
-            if lane in names:
-                return pose_from_row(next(rows.data[-1] for rows in result.lanes if rows.lane == lane))
-        return None
-
-    def _choose_main(self) -> None:
-        """Follow a lane that knows a position; one that turns in place when there is no other."""
-        self._main = main_lane(list(self.track.lanes)) or main_lane(self.track.attitudes) or self._main
 
     def _newest_fix(self) -> Vec3 | None:
         fixes = self.track.fixes
@@ -114,8 +103,8 @@ class Stage:
 
     def welcome(self, viewer: Viewer) -> None:
         """Show a viewer what is known, without waiting for the next sample."""
-        self._choose_main()
-        pose = self.track.poses.get(self._main or "")
+        self._lead.choose(self.board.main_lane, self.track)
+        pose = self._lead.pose()
         if pose is not None:
             viewer.frame(pose, 0.0)
 
@@ -123,3 +112,4 @@ class Stage:
         if self._results is not None:
             self._results.close()
             self._results = None
+            self._lead = Lead()  # what it knew is old when somebody looks again

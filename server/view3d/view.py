@@ -131,7 +131,10 @@ class View3D:
         if board is None:
             return  # the sampler tries again
         if board.id not in self._stages:
-            stage = Stage(board, self._tracks.setdefault(board.id, Track()), self._vehicle_of(board.id))
+            track, snapshot = self._tracks.setdefault(board.id, Track()), board.snapshot()
+            if snapshot is not None:
+                track.take(snapshot)  # so that who looks sees the vehicle at once
+            stage = Stage(board, track, self._vehicle_of(board.id))
             self._stages[board.id] = (stage, self._spawn(stage.run()))
         stage = self._stages[board.id][0]
         stage.viewers.add(viewer)

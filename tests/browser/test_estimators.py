@@ -1,11 +1,15 @@
 """The Estimators place with the demo board: lanes switched on by clicks, compared, set, and found again."""
 
+import io
 import json
+import math
 import urllib.request
 from collections.abc import Callable
+from pathlib import Path
 from typing import Any
 
 import pytest
+from PIL import Image
 from playwright.sync_api import Locator, Page
 
 from tests.browser.conftest import OpenPage, Screen, Server, StartServer, wait_for
@@ -151,6 +155,52 @@ def test_plots_of_values_and_differences_are_drawn_for_the_lanes_shown(screen: S
     wait_for("a difference in the legend", has_number, timeout_s=30)
     page.get_by_role("button", name="Roll", exact=True).click()
     page.get_by_role("group", name="Roll", exact=True).wait_for(state="detached")
+
+
+def saved(page: Page, button: str, region: str = "Plots") -> tuple[str, bytes]:
+    """Name and bytes of the file that a button gives."""
+    with page.expect_download() as coming:
+        page.get_by_role("region", name=region).get_by_role("button", name=button, exact=True).click()
+    return coming.value.suggested_filename, Path(coming.value.path()).read_bytes()
+
+
+def test_a_plot_is_saved_as_a_picture_and_as_numbers_that_are_those_of_the_lanes(screen: Screen) -> None:
+    page = screen.page
+    screen.wait_for_sentence("Navigating", timeout_s=60)
+    page.get_by_role("group", name="Roll", exact=True).locator("canvas").wait_for()
+    page.wait_for_timeout(4000)  # of rows
+    name, raw = saved(page, "Save as CSV: Roll")
+    assert (name[:13], name[-4:]) == ("navdeck-roll-", ".csv")
+    head, *lines = raw.decode().splitlines()
+    titles = head.split(",")
+    assert titles[0] == "t_s"
+    assert {"lanes/ins_ekf:roll [°]", "lanes/onboard:roll [°]"} <= set(titles[1:])
+    rows = [[float(cell or "nan") for cell in line.split(",")] for line in lines]
+    for title in ("lanes/ins_ekf:roll [°]", "lanes/onboard:roll [°]"):  # attitude and place of the latter come in turns
+        known = [row[0] for row in rows if not math.isnan(row[titles.index(title)])]
+        assert len(known) > 0.8 * 10 * (known[-1] - known[0]) > 20
+    assert max(len(cell) for line in lines for cell in line.split(",")[1:]) >= 15  # every digit of a double
+    name, raw = saved(page, "Save as PNG: Roll")
+    assert (name[:13], name[-4:]) == ("navdeck-roll-", ".png")
+    assert len(Image.open(io.BytesIO(raw)).convert("RGB").getcolors(1 << 20) or ()) > 20
+    everything = Image.open(io.BytesIO(saved(page, "Save as PNG")[1]))
+    assert everything.height > 3 * Image.open(io.BytesIO(raw)).height
+    name, raw = saved(page, "Save as CSV: Barometric height: Height", "Aids: innovations and their bounds")
+    assert name.startswith("navdeck-baro_height-innovation_0-")
+    titles = [f"aids/baro_height:{each}_0 [m]" for each in ("innovation", "sigma", "refused")]
+    assert raw.decode().splitlines()[0].split(",") == ["t_s", *titles]
+    assert screen.errors == []
+
+
+def test_each_measurements_delay_is_shown_with_who_told_it(server: Server, screen: Screen) -> None:
+    page = screen.page
+    row = page.locator("tr[data-delay=gnss_position]")
+    row.wait_for(timeout=30_000)
+    assert "98\u202fms" in row.inner_text()
+    assert "known of this kind of board" in row.inner_text()
+    with urllib.request.urlopen(f"{server.url}/api/v1/boards/sim/health", timeout=10) as answer:
+        told = {one["measurement"]: one for one in json.load(answer)["delays"]}
+    assert told["mag"] == {"measurement": "mag", "delay_s": 0.05, "sigma_s": None, "source": "board"}
 
 
 def test_who_may_only_look_is_told_so_and_cannot_switch(start_server: StartServer, open_page: OpenPage) -> None:

@@ -23,6 +23,7 @@ from server.nav.ekf.states import (
     VEL,
     WANDER,
     WITH_BARO,
+    WITH_DRAG,
     WITH_MAG,
     WITH_WANDER,
     WITH_WIND,
@@ -34,7 +35,7 @@ from server.nav.ekf.states import (
 from server.nav.ekf.update import correction_seen, fuse, project
 
 LOWER = np.tril_indices(N)
-DIMS = (INERTIAL, WITH_MAG, WITH_WIND, WITH_BARO, WITH_WANDER, N)
+DIMS = (INERTIAL, WITH_MAG, WITH_WIND, WITH_DRAG, WITH_BARO, WITH_WANDER, N)
 
 
 def random_covariance(rng):
@@ -165,7 +166,7 @@ def test_two_scalar_updates_equal_one_vector_update_in_joseph_form():
 def test_a_day_of_predictions_and_updates_stays_positive_definite():
     """86,400 s at 10 Hz with exact position updates: the hardest case for rounding."""
     rng = np.random.default_rng(5)
-    sigma2 = [*np.repeat([1e-4, 1.0, 1.0, 1e-6, 1e-3, 1e-4, 1e-4], 3), 9.0, 9.0, 4.0, *[0.1] * 6, *[1e-6] * 9]
+    sigma2 = [*np.repeat([1e-4, 1.0, 1.0, 1e-6, 1e-3, 1e-4, 1e-4], 3), 9.0, 9.0, 0.04, 4.0, *[0.1] * 6, *[1e-6] * 9]
     P = np.diag(sigma2)[LOWER].copy()
     work, u = np.zeros(at.W_SIZE), np.zeros(18)
     work[at.W_DIM] = N

@@ -32,7 +32,14 @@ STEPS = 60
 DATUM_STARTS, AGAIN, WANDER_STARTS, POSITION_SET = 7, 45, 12, 50
 LOWER = np.tril_indices(N)
 SIGMA = np.concatenate(
-    (np.repeat([1e-3, 0.1, 1.0, 1e-3, 0.01, 0.01, 0.01], 3), [1.0, 1.0], [1.0], np.repeat([0.7, 0.2], 3), [0.01] * 9)
+    (
+        np.repeat([1e-3, 0.1, 1.0, 1e-3, 0.01, 0.01, 0.01], 3),
+        [1.0, 1.0],
+        [0.1],
+        [1.0],
+        np.repeat([0.7, 0.2], 3),
+        [0.01] * 9,
+    )
 )
 
 

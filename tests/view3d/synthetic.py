@@ -148,6 +148,7 @@ class SyntheticBoard:
     more: tuple[str, ...] = ()
     """Lanes beside the three that tell the attitude alone."""
     off: frozenset[str] = frozenset()
+    main_lane: str = "ins_ekf"
 
     def snapshot(self) -> Snapshot | None:
         self.snapshots += 1
@@ -163,7 +164,7 @@ class SyntheticBoard:
         at = LANE_COLUMNS.index("pos_n_m")
         if self.t_ns % (10 * STEP_NS) == 0:
             noise = np.random.default_rng(self.t_ns).normal(0, 0.3, 3)
-            self.fix = tuple((self.rows["ins_ekf"][at : at + 3] + noise).tolist())
+            self.fix = tuple((circling(t_s)[at : at + 3] + noise).tolist())
         if publish:
             gnss = (math.nan,) * 6 + (0.8, 1.2, 0.1, 3.0, 14.0)
             block = sample_block([(Kind.GNSS, gnss)]) if self.t_ns % (10 * STEP_NS) == 0 else self.block

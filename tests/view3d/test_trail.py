@@ -6,7 +6,7 @@ import gc
 import numpy as np
 import pytest
 
-from server.nav.lanes.registry import LANES
+from server.nav.lanes.registry import RECORDED_LANES
 from server.view3d.palette import LANE_RGB, THEMES, lane_rgb, linear_from_srgb, scale_rgb
 from server.view3d.trail import CHUNK, PATH_CHUNKS, Track, Trail
 from tests.view3d.synthetic import SyntheticBoard, Watcher, circling, eventually, lane_row, served, snapshot_of
@@ -90,7 +90,7 @@ def test_lane_colours_differ_in_both_themes_and_unknown_lanes_keep_theirs() -> N
     for theme in THEMES:
         colours = [*LANE_RGB[theme].values(), lane_rgb("of_tomorrow", theme)]
         assert len(set(colours)) == len(colours)
-        assert LANE_RGB[theme].keys() == set(LANES)
+        assert LANE_RGB[theme].keys() == set(RECORDED_LANES)
     assert lane_rgb("of_tomorrow", "dark") == lane_rgb("of_tomorrow", "light")
 
 

@@ -25,7 +25,7 @@ async def test_the_hub_has_no_reader_before_a_viewer_comes_and_none_after_it_lef
         assert board.hub.results.readers == 0
         async with Watcher.connected(at.port) as watcher:
             await watcher.until(is_pose)
-            assert board.hub.results.readers == 1
+            await eventually(lambda: board.hub.results.readers == 1)
             assert at.view.viewers == 1
         await eventually(lambda: board.hub.results.readers == 0 and at.view.viewers == 0)
         assert at.view._stages == {}
@@ -121,7 +121,7 @@ async def test_two_viewers_look_at_two_boards_and_one_changes_over() -> None:
         async with Watcher.connected(at.port, "board=a") as first, Watcher.connected(at.port, "board=b") as second:
             await first.until(is_pose)
             await second.until(is_pose)
-            assert [board.hub.results.readers for board in boards] == [1, 1]
+            await eventually(lambda: [board.hub.results.readers for board in boards] == [1, 1])
             await second.command(board="a")
             await eventually(lambda: [board.hub.results.readers for board in boards] == [1, 0])
             await asyncio.sleep(0.1)

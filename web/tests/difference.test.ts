@@ -135,6 +135,26 @@ describe("a curve of differences", () => {
     expect([...trace.curve().values]).toEqual([3, 3.5]);
   });
 
+  it("takes in a row that came late, and what a row learned of its moment afterwards", () => {
+    const columns = { ...laneSignal("onboard", "roll"), ...PLAIN } as Signal;
+    const ring = new Ring(["a", "b"], 100);
+    const trace = new Trace(columns, feedOf(ring));
+    const points = (): number[][] => [[...trace.curve().tS], [...trace.curve().values]];
+    ring.append(rowsOf([1, 1.25, 1.5], [[1, NaN], [NaN, 7], [3, NaN]])); // prettier-ignore
+    trace.update();
+    expect(points()).toEqual([
+      [1, 1.25, 1.5],
+      [1, NaN, 3],
+    ]);
+    ring.append(rowsOf([1.25], [[2, NaN]]));
+    ring.append(rowsOf([1.375], [[2.5, NaN]]));
+    trace.update();
+    expect(points()).toEqual([
+      [1, 1.25, 1.375, 1.5],
+      [1, 2, 2.5, 3],
+    ]);
+  });
+
   it("starts over when the history of the other lane arrives", () => {
     const [mine, other] = [ringOf([1, 1.5], [5, 6]), ringOf([1.5], [2])];
     const trace = new Trace(signal, feedOf(mine), feedOf(other));

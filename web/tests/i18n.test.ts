@@ -41,7 +41,7 @@ describe("the catalogues", () => {
   it("have no key that nothing uses", () => {
     const all = Object.values(sources).join("\n");
     const composed =
-      /^(place|severity|theme|link|lane|sensor|subject|aid|aidStatus|fix|date|source|q|board\.source|verdict|axis|group\.state|est\.tab)\./;
+      /^(place|severity|theme|link|lane|sensor|subject|aid|aidStatus|fix|date|source|q|board\.source|verdict|axis|group\.state|est\.tab|delay\.from)\./;
     expect(
       Object.keys(en).filter(
         (key) => !composed.test(key) && !all.includes(`"${key}"`) && !all.includes(`'${key}'`),

@@ -25,7 +25,7 @@ function keysOf(table: string): string[] {
   const body = new RegExp(`^${table}[^{]*\\{([^}]*)\\}`, "m").exec(registry)?.[1] ?? "";
   return [...body.matchAll(/"(\w+)":/g)].map((match) => match[1] ?? "");
 }
-const [estimators, repeaters] = [keysOf("ESTIMATORS"), keysOf("REPEATERS")];
+const everyLane = ["ESTIMATORS", "REPEATERS", "AFTERWARDS"].flatMap(keysOf);
 
 type Rgb = readonly [number, number, number];
 
@@ -102,7 +102,8 @@ describe("lane colours", () => {
   const panels = { dark: ["#1a222b", "#222c37"], light: ["#ffffff", "#f1f5f8"] } as const;
 
   it("are there for every lane of the server, which all have their kind", () => {
-    const all = [...estimators, ...repeaters].sort();
+    const all = [...everyLane].sort();
+    expect(all).toContain("smoother");
     expect(Object.keys(LANE_KINDS).sort()).toEqual(all);
     expect(Object.keys(LANE_COLOURS.dark).sort()).toEqual(all);
     expect(Object.keys(LANE_COLOURS.light).sort()).toEqual(all);
@@ -131,9 +132,7 @@ describe("lane colours", () => {
 describe("words for lanes", () => {
   it("are there for every lane and every setting of the server", () => {
     const texts = en as Readonly<Record<string, string>>;
-    const unnamed = [...estimators, ...repeaters].filter(
-      (lane) => !texts[`lane.name.${lane}`] || !texts[`lane.is.${lane}`],
-    );
+    const unnamed = everyLane.filter((lane) => !texts[`lane.name.${lane}`] || !texts[`lane.is.${lane}`]);
     expect(unnamed).toEqual([]);
     const parameters = laneSources.flatMap((source) =>
       [...source.matchAll(/Parameter\(\s*name="(\w+)"/g)].map((match) => match[1] ?? ""),

@@ -38,23 +38,45 @@ describe("Ring", () => {
     expect([0.9, 1, 3.9, 4, 9].map((t) => ring.indexAt(t))).toEqual([-1, 0, 1, 2, 2]);
   });
 
-  it("ignores a row that repeats or goes back a little", () => {
+  it("ignores a row that repeats and puts a late one in its place", () => {
     const ring = new Ring(["a", "b"], 10);
-    ring.append(
-      rowsOf(
-        [1, 2, 2, 1.5, 3],
-        [
-          [1, 0],
-          [2, 0],
-          [9, 0],
-          [9, 0],
-          [3, 0],
-        ],
-      ),
-    );
+    const before = ring.revision;
+    ring.append(rowsOf([1, 2, 2, 3].map(Number), [[1, 0], [2, 0], [9, 0], [3, 0]])); // prettier-ignore
+    expect(ring.revision).toBe(before);
+    ring.append(rowsOf([2.75], [[7, 0]]));
+    ring.append(rowsOf([2.25], [[8, 0]])); // later than any message of one board can be
     expect(held(ring)).toEqual([
-      [1, 2, 3],
-      [1, 2, 3],
+      [1, 2, 2.75, 3],
+      [1, 2, 7, 3],
+    ]);
+    expect(ring.revision).toBe(before + 1);
+  });
+
+  it("makes one row of the rows of one moment, which knows what either knew", () => {
+    const ring = new Ring(["a", "b"], 10);
+    const rows: [number, number[]][] = [
+      [1, [10, NaN]],
+      [1, [NaN, 11]],
+      [2, [NaN, 21]],
+      [2, [20, NaN]],
+    ];
+    for (const [t, row] of rows) ring.append(rowsOf([t], [row]));
+    expect(held(ring)).toEqual([
+      [1, 2],
+      [10, 20],
+    ]);
+    expect([...ring.column(1)]).toEqual([11, 21]);
+  });
+
+  it("loses nothing of late rows where its arrays are full", () => {
+    const ring = new Ring(["a", "b"], 10);
+    for (let i = 0; i < 57; i++) {
+      ring.append(rowsOf([i + 0.25], [[10 * i + 1, 0]]));
+      ring.append(rowsOf([i], [[10 * i, 0]]));
+    }
+    expect(held(ring)).toEqual([
+      [52, 53, 54, 55, 56].flatMap((t) => [t, t + 0.25]),
+      [52, 53, 54, 55, 56].flatMap((t) => [10 * t, 10 * t + 1]),
     ]);
   });
 
@@ -113,6 +135,18 @@ describe("Ring.fill", () => {
       [9.8, 9.9, 10, 10.03125, 10.0625, 11, 12, 12.03125],
       [-1, -2, 1, 2, 3, -5, 4, 5],
     ]);
+  });
+
+  it("takes every row of a history in which attitude and position come in turns", () => {
+    const ring = new Ring(["q", "p"], 100);
+    ring.append(rowsOf([10, 10.02], [[5, NaN], [6, NaN]])); // prettier-ignore
+    const [t, rows] = [[9, 9.005, 9.1, 9.105, 9.2, 9.2], [[1, NaN], [NaN, 2], [3, NaN], [NaN, 4], [8, NaN], [NaN, 9]]]; // prettier-ignore
+    ring.fill(rowsOf(t, rows));
+    expect(held(ring)).toEqual([
+      [9, 9.005, 9.1, 9.105, 9.2, 10, 10.02],
+      [1, NaN, 3, NaN, 8, 5, 6],
+    ]);
+    expect([...ring.column(1)]).toEqual([NaN, 2, NaN, 4, 9, NaN, NaN]);
   });
 
   it("does not mix power-ups", () => {

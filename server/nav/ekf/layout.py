@@ -86,7 +86,9 @@ PAR_DRAG: Final = 38  # m/s², what drag leaves unexplained of the specific forc
 PAR_DRAG_K: Final = 39  # 1/s
 PAR_DRAG_K_SIGMA: Final = 40
 PAR_DRAG_WALK: Final = 41  # 1/s/√s
-PAR_SIZE: Final = 42
+PAR_GYRO_PER_K: Final = 42  # rad/s/K, σ of what the temperature does to a bias
+PAR_ACCEL_PER_K: Final = 43  # m/s²/K
+PAR_SIZE: Final = 44
 
 NEVER_NS: Final = -1e18
 """A time before every other."""
@@ -157,7 +159,9 @@ A_T_QUICK: Final = 55  # when the velocity last spoke against rest, ns
 A_T_DRAG: Final = 56
 A_K_DRAG: Final = 57
 A_REST_HEIGHT: Final = 58  # where the vehicle last stood still, m; NaN = not known
-A_SIZE: Final = 59
+A_TEMPERATURE: Final = 59  # °C, smoothed; NaN before the first
+A_WARMING: Final = 60  # K/s
+A_SIZE: Final = 61
 
 # Scratch, so that nothing is allocated in a step.
 W_U: Final = 0  # (18) input of the covariance prediction

@@ -17,6 +17,7 @@ from server.nav.ekf.layout import (
     C_HAS_SITE,
     C_POSITIONED,
     PAR_ACCEL_NOISE,
+    PAR_ACCEL_PER_K,
     PAR_ACCEL_WALK,
     PAR_BARO_DRIFT,
     PAR_DRAG_WALK,
@@ -24,6 +25,7 @@ from server.nav.ekf.layout import (
     PAR_GNSS_JITTER_TAU,
     PAR_GNSS_WANDER_TAU,
     PAR_GYRO_NOISE,
+    PAR_GYRO_PER_K,
     PAR_GYRO_WALK,
     PAR_MAG_BIAS_WALK,
     PAR_VIBRATION_BANDWIDTH,
@@ -56,6 +58,7 @@ from server.nav.ekf.states import (
     X_WANDER,
     packed,
 )
+from server.nav.ekf.warming import walk_with_temperature
 from server.nav.kernel import kernel
 from server.nav.rotation import matrix_entries, quat_from_rotvec, quat_mul
 from server.nav.types import Float, Int
@@ -215,6 +218,8 @@ def predict_slow(x: Float, P: Float, u: Float, par: Float, aux: Float, work: Flo
     """
     if work[W_DELAYS] > 0.0:
         predict_sensitivities(work)
+    if par[PAR_GYRO_PER_K] + par[PAR_ACCEL_PER_K] > 0.0:
+        walk_with_temperature(P, u, par, aux)
     if work[W_DIM] <= BARO:
         return
     n, dt = int(work[W_DIM]), u[U_DT]

@@ -57,6 +57,7 @@ from server.nav.ekf.pseudo import pseudo_measurements
 from server.nav.ekf.publish import publish
 from server.nav.ekf.states import ATT, POS, VEL, X_POS, X_Q, X_SIZE, X_VEL, packed
 from server.nav.ekf.update import reset_axis
+from server.nav.ekf.warming import note_temperature
 from server.nav.ekf.yaw_bank import bank_predict, bank_start
 from server.nav.kernel import kernel
 from server.nav.types import Float, Int
@@ -164,6 +165,7 @@ def run(
                 push(u, x, P, ctl, work, r_u, r_x, r_P, r_n)
         else:
             predict(x, P, u, par, aux, ctl, work)
+            note_temperature(u, aux)
             predict_slow(x, P, u, par, aux, work)
             bank_predict(u, x, par, bank)
             if not ctl[C_POSITIONED]:

@@ -36,6 +36,7 @@ from server.nav.types import (
 NEVER_YET: Final = (
     at.A_T_GNSS, at.A_T_GNSS_SEEN, at.A_T_START, at.A_T_ASTRAY, at.A_T_RESET, at.A_T_MAG, at.A_T_BARO, at.A_T_STILL,
     at.A_T_RATE, at.A_T_GRAVITY, at.A_T_WHEELS, at.A_T_AIRSPEED, at.A_T_SIDESLIP, at.A_T_QUICK,
+    at.A_T_DRAG,
 )  # fmt: skip
 
 
@@ -57,10 +58,11 @@ class InsEkf:
         self._aux, self._ctl = np.zeros(at.A_SIZE), np.zeros(at.C_SIZE, dtype=np.int64)
         for index in NEVER_YET:
             self._aux[index] = at.NEVER_NS
-        for index in (at.A_K_POS, at.A_K_VEL, at.A_K_ALT, at.A_K_BARO, at.A_K_MAG):
+        for index in (at.A_K_POS, at.A_K_VEL, at.A_K_ALT, at.A_K_BARO, at.A_K_MAG, at.A_K_DRAG):
             self._aux[index] = 1.0
         self._aux[at.A_GNSS_INTERVAL] = 1.0
         self._aux[at.A_GRAVITY] = 9.80665
+        self._aux[at.A_REST_HEIGHT] = self._aux[at.A_TEMPERATURE] = math.nan
         self._work, self._h = np.zeros(at.W_SIZE), np.zeros(at.H_SIZE)
         self._work[at.W_DIM] = INERTIAL
         self._r_u, self._r_x = np.zeros((slots, at.U_SIZE)), np.zeros((slots, X_SIZE + at.DELAYS * at.SENS))

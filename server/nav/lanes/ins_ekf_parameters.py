@@ -119,6 +119,18 @@ PARAMETERS: Final = (
         meaning="Rotation felt across an axis of the gyro, as a share of the rate; zero leaves it to the noise.",
     ),
     Parameter(
+        name="gyro_bias_per_k_rad_s", unit="rad/s/K", default=0.0, minimum=0.0, maximum=0.1,
+        meaning="How far a kelvin moves the gyro's bias; it counts while the board's temperature changes.",
+    ),
+    Parameter(
+        name="accel_bias_per_k_m_s2", unit="m/s²/K", default=0.0, minimum=0.0, maximum=1.0,
+        meaning="How far a kelvin moves the accelerometer's bias; it counts while the board's temperature changes.",
+    ),
+    Parameter(
+        name="drag_sigma_m_s2", unit="m/s²", default=defaults.DRAG_SIGMA_M_S2, minimum=0.0, maximum=10.0,
+        meaning="What a multirotor's drag leaves unexplained of the specific force across; zero leaves drag out.",
+    ),
+    Parameter(
         name="vibration_hz", unit="Hz", default=defaults.VIBRATION_BANDWIDTH_HZ, minimum=10.0, maximum=1e6,
         meaning="Measured vibration counts as noise spread over this bandwidth; larger where it is a hum that averages "
         "out.",
@@ -138,6 +150,9 @@ AS_GIVEN: Final = {
     at.PAR_GYRO_SCALE: "gyro_scale",
     at.PAR_GYRO_CROSS: "gyro_cross",
     at.PAR_VIBRATION_BANDWIDTH: "vibration_hz",
+    at.PAR_DRAG: "drag_sigma_m_s2",
+    at.PAR_GYRO_PER_K: "gyro_bias_per_k_rad_s",
+    at.PAR_ACCEL_PER_K: "accel_bias_per_k_m_s2",
 }
 
 
@@ -171,6 +186,9 @@ def kernel_parameters(context: LaneContext) -> Float:
     par[at.PAR_MAG_TIMING] = _mag_timing(context)
     par[at.PAR_WIND_SIGMA] = defaults.WIND_SIGMA_M_S
     par[at.PAR_WIND_WALK] = defaults.WIND_WALK_M_S_RTS
+    par[at.PAR_DRAG_K] = defaults.DRAG_PER_S
+    par[at.PAR_DRAG_K_SIGMA] = defaults.DRAG_SPREAD_PER_S
+    par[at.PAR_DRAG_WALK] = defaults.DRAG_WALK_PER_S_RTS
     par[at.PAR_BARO_NOISE] = given("baro_noise_m")
     par[at.PAR_GNSS_CORRELATION] = defaults.GNSS_CORRELATION
     par[at.PAR_LEVER : at.PAR_LEVER + 3] = settings.lever_arm_b_m

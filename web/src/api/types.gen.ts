@@ -574,6 +574,33 @@ export interface components {
             op: "data";
         };
         /**
+         * DelayOut
+         * @description The delay of one measurement: told, estimated on line from the innovations of `ins_ekf`, or unknown.
+         */
+        DelayOut: {
+            /**
+             * Delay S
+             * @description a sample stamped t is valid at t − delay; null = nobody knows, none is assumed
+             */
+            delay_s: number | null;
+            /**
+             * Measurement
+             * @enum {string}
+             */
+            measurement: "imu" | "gnss_position" | "gnss_velocity" | "mag" | "baro";
+            /**
+             * Sigma S
+             * @description standard deviation of an estimate, which is used once it is below 0.05; else null
+             */
+            sigma_s: number | null;
+            /**
+             * Source
+             * @description "settings": a person said so; "board": known of this kind of board; "estimated": from innovations
+             * @enum {string}
+             */
+            source: "settings" | "board" | "estimated" | "unknown";
+        };
+        /**
          * DoctorOut
          * @description What is wrong with this set-up.
          */
@@ -679,6 +706,11 @@ export interface components {
              * @description of the main lane: state groups that have a reference, then "lane"; empty while it does not run
              */
             consistency: components["schemas"]["ConsistencyOut"][];
+            /**
+             * Delays
+             * @description of every measurement; empty before the first sample
+             */
+            delays: components["schemas"]["DelayOut"][];
             engine: components["schemas"]["EngineOut"];
             /**
              * Events
@@ -947,6 +979,11 @@ export interface components {
             boot_id: number;
             /** Dead Reckoning S */
             dead_reckoning_s: number | null;
+            /**
+             * Delays
+             * @description of every measurement; empty before the first sample
+             */
+            delays: components["schemas"]["DelayOut"][];
             flags: components["schemas"]["FlagsOut"];
             /** Gyro Bias X Rad S */
             gyro_bias_x_rad_s: number | null;

@@ -7,6 +7,7 @@ export type BoardIn = Schemas["BoardIn"];
 export type BoardOut = Schemas["BoardOut"];
 export type BoardsOut = Schemas["BoardsOut"];
 export type ConsistencyOut = Schemas["ConsistencyOut"];
+export type DelayOut = Schemas["DelayOut"];
 export type DoctorOut = Schemas["DoctorOut"];
 export type EventOut = Schemas["EventOut"];
 export type HealthOut = Schemas["HealthOut"];

@@ -81,6 +81,7 @@ export const en = {
   "lane.name.altitude_inertial": "Height, inertial",
   "lane.name.altitude_kalman": "Height, Kalman",
   "lane.name.vqf": "VQF",
+  "lane.name.smoother": "Smoother",
   "lane.is.ins_ekf":
     "Error-state Kalman filter over all sensors; the lane with aids, biases and uncertainty.",
   "lane.is.complementary_1":
@@ -102,6 +103,7 @@ export const en = {
   "lane.is.altitude_kalman":
     "Kalman filter of height, vertical speed, acceleration and its bias; zero is where it was switched on.",
   "lane.is.vqf": "The published VQF filter with its magnetic rejection; a yardstick.",
+  "lane.is.smoother": "The INS run over a whole recording and back: the best trajectory after the fact.",
   "lane.is.onboard": "What the autopilot itself reports, repeated as it comes.",
   "lane.is.reference":
     "A better source repeated as it comes: simulator truth, RTK receiver or reference AHRS.",
@@ -135,6 +137,7 @@ export const en = {
   "aid.gnss_course": "GNSS course",
   "aid.wheels": "Wheels",
   "aid.yaw": "Heading from motion",
+  "aid.drag": "Drag against the wind",
 
   "aidStatus.fused": "fused",
   "aidStatus.refused_gate": "outside its bound",
@@ -397,6 +400,7 @@ export const en = {
   "sensors.temperature": "Temperature",
   "sensors.vibration": "Vibration",
   "sensors.samples": "Samples",
+  "sensors.delay": "Delay",
   "sensors.repeated": "Repeated",
   "sensors.refused": "Refused",
   "sensors.scale": "Scale found",
@@ -445,6 +449,19 @@ export const en = {
   "est.last": "Last",
   "est.fused": "Fused",
   "est.refused": "Refused",
+  "delay.title": "Measurement delays",
+  "delay.hint":
+    "A sample is valid that long before its stamp and is fused there. What nobody told is estimated from the innovations.",
+  "delay.measurement": "Measurement",
+  "delay.delay": "Delay ± 1 σ",
+  "delay.source": "Known how",
+  "delay.nobody": "Nobody told it and it is not estimated; none is assumed.",
+  "delay.none": "No sample yet.",
+  "delay.from.settings": "Told: your setting",
+  "delay.from.board": "Told: known of this kind of board",
+  "delay.from.estimated": "Estimated",
+  "delay.from.unsure": "Estimated; used once surer than 50 ms",
+  "delay.from.unknown": "Not told; none is assumed",
   "est.site": "Site and magnetic field",
   "est.declination": "Declination",
   "est.gravity": "Gravity",

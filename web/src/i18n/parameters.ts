@@ -297,4 +297,99 @@ export const parameterTexts: Readonly<Record<string, ParameterText>> = {
     zh: "静止判据：比力变化",
     meaning: "仍算静止的最大比力变化；越大越早判为静止。",
   },
+  mag_timing_s: {
+    en: "How well the magnetometer's delay is known",
+    zh: "磁力计延迟的不确定度",
+    meaning: "磁力计延迟已知到什么程度；载具转动时据此放大磁场噪声。",
+  },
+  gnss_wander_m: {
+    en: "Receiver's slow position error",
+    zh: "接收机位置慢变误差",
+    meaning: "接收机每个水平轴上的慢变误差；不填则取自接收机自报精度，载波相位解为零。",
+  },
+  gnss_wander_tau_s: {
+    en: "Duration of the slow position error",
+    zh: "位置慢变误差持续时间",
+    meaning: "接收机慢变误差的持续时间。",
+  },
+  gnss_jitter_m: {
+    en: "Receiver's quick position error",
+    zh: "接收机位置快变误差",
+    meaning: "接收机每个水平轴上的快变误差；不填则由定位结果学得。",
+  },
+  gnss_jitter_tau_s: {
+    en: "Duration of the quick position error",
+    zh: "位置快变误差持续时间",
+    meaning: "给定快变误差的持续时间；零表示每次定位各自独立。",
+  },
+  gnss_speed_m_s: {
+    en: "Receiver's velocity error",
+    zh: "接收机速度误差",
+    meaning: "接收机每个轴上的速度误差；不填则由定位结果学得。",
+  },
+  gnss_speed_tau_s: {
+    en: "Duration of the velocity error",
+    zh: "速度误差持续时间",
+    meaning: "给定速度误差的持续时间；零表示每次定位各自独立。",
+  },
+  baro_drift_m_rts: {
+    en: "Drift of the baro's zero",
+    zh: "气压零点漂移",
+    meaning: "气压高度的零点随天气与气流漂移的快慢。",
+  },
+  field_sigma: {
+    en: "Error of the field model",
+    zh: "磁场模型误差",
+    meaning: "地磁模型强度与倾角及传感器刻度的误差，占磁场的比例。",
+  },
+  field_walk_gauss_rts: {
+    en: "Change of the Earth field",
+    zh: "地磁场变化",
+    meaning: "沿途地磁场变化的快慢。",
+  },
+  mag_bias_walk_gauss_rts: {
+    en: "Wander of the body's own field",
+    zh: "载具自身磁场游走",
+    meaning: "固定于载具的磁场随电流与温度变化的快慢。",
+  },
+  zero_rate_rad_s: {
+    en: "Rotation left at rest",
+    zh: "静止时残余角速率",
+    meaning: "静止的飞控板仍有的转动，含噪声。",
+  },
+  zero_velocity_m_s: {
+    en: "Velocity left at rest",
+    zh: "静止时残余速度",
+    meaning: "静止的载具仍有的速度。",
+  },
+  gyro_scale: {
+    en: "Gyro scale error",
+    zh: "陀螺刻度误差",
+    meaning: "陀螺刻度误差，占角速率的比例；零则归入载具类别的噪声。",
+  },
+  gyro_cross: {
+    en: "Gyro cross-axis error",
+    zh: "陀螺交叉轴误差",
+    meaning: "陀螺横轴感到的转动，占角速率的比例；零则归入噪声。",
+  },
+  drag_sigma_m_s2: {
+    en: "Unexplained drag",
+    zh: "阻力残差",
+    meaning: "多旋翼横向比力中阻力未能解释的部分；零则不用阻力。",
+  },
+  gyro_bias_per_k_rad_s: {
+    en: "Gyro bias per kelvin",
+    zh: "陀螺零偏温度系数",
+    meaning: "每开尔文温度变化引起的陀螺零偏；仅在板温变化时起作用。",
+  },
+  accel_bias_per_k_m_s2: {
+    en: "Accelerometer bias per kelvin",
+    zh: "加计零偏温度系数",
+    meaning: "每开尔文温度变化引起的加速度计零偏；仅在板温变化时起作用。",
+  },
+  vibration_hz: {
+    en: "Bandwidth of vibration",
+    zh: "振动带宽",
+    meaning: "实测振动按此带宽折算为噪声；能被平均掉的嗡鸣可取大。",
+  },
 };

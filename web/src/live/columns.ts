@@ -134,6 +134,7 @@ export const AIDS = [
   "gnss_course",
   "wheels",
   "yaw",
+  "drag",
 ] as const;
 export type AidName = (typeof AIDS)[number];
 

@@ -7,6 +7,13 @@ import type { Stream } from "./socket";
 /** Ten minutes at the rate at which the page watches. */
 export const KEEP_S = 600;
 
+/** Rows for each moment of topics whose attitude and position come in rows of their own. */
+const TURNS = 2;
+
+function rowsPerMoment(topic: string): number {
+  return /(lanes|raw)\/(onboard|reference)$/.test(topic) ? TURNS : 1;
+}
+
 /** Rows of one topic as the page holds them, shared by everything that draws them. */
 export class Feed {
   ring: Ring;
@@ -22,7 +29,7 @@ export class Feed {
   constructor(stream: Stream, topic: string, columns: readonly string[], rateHz: number) {
     this.topic = topic;
     this.rateHz = rateHz;
-    this.ring = new Ring(columns, Math.ceil(KEEP_S * rateHz));
+    this.ring = new Ring(columns, Math.ceil(KEEP_S * rateHz * rowsPerMoment(topic)));
     const [wireTopic = "", part] = topic.split("#");
     const ours = (rows: Rows): Rows => (part === undefined ? rows : rowsWithFirst(rows, Number(part)));
     this.stop = stream.subscribe(wireTopic, rateHz, {

@@ -1,14 +1,10 @@
 import type { Rows } from "./rows";
 
-type Column = Float32Array | Float64Array;
-
-/** History comes at 10 Hz: a row of it is used only where nothing is held this near. */
+/** History comes at 10 Hz: a row of it is used only where no row of the stream is held this near. */
 const FILL_GAP_S = 0.09;
 
-/** Latitude, longitude and height lose centimetres in 32 bits; everything else is plotted. */
-function needsDouble(name: string): boolean {
-  return /^(lat|lon|alt|pressure|t_)/.test(name);
-}
+/** A row that comes this late still finds its place: messages of one board are stamped each by its own sender. */
+export const LATE_S = 0.5;
 
 /**
  * The newest `capacity` rows of one topic, a typed array per column, memory fixed at construction.
@@ -20,7 +16,7 @@ export class Ring {
   readonly columns: readonly string[];
   readonly capacity: number;
   private readonly tS: Float64Array;
-  private readonly values: Column[];
+  private readonly values: Float64Array[];
   private readonly indexByName: Map<string, number>;
   private start = 0;
   private end = 0;
@@ -29,14 +25,14 @@ export class Ring {
   version = 0;
   /** Counts the times when what was held before is no longer a part of what is held now. */
   epoch = 0;
+  /** Counts the rows of the last `LATE_S` that were put between others or learned another column. */
+  revision = 0;
 
   constructor(columns: readonly string[], capacity: number) {
     this.columns = columns;
     this.capacity = capacity;
     this.tS = new Float64Array(2 * capacity);
-    this.values = columns.map((name) =>
-      needsDouble(name) ? new Float64Array(2 * capacity) : new Float32Array(2 * capacity),
-    );
+    this.values = columns.map(() => new Float64Array(2 * capacity));
     this.indexByName = new Map(columns.map((name, i) => [name, i]));
   }
 
@@ -65,7 +61,7 @@ export class Ring {
 
   /**
    * Append rows. A new power-up forgets the old one, also when only the time says so (a restarted service counts power-ups
-   * afresh); single rows that go back in time are ignored.
+   * afresh). Rows of one moment become one, which knows what either knew; a late row is put in its place.
    */
   append(rows: Rows): void {
     if (rows.nCols !== this.columns.length || rows.nRows === 0) return;
@@ -87,23 +83,24 @@ export class Ring {
     this.clear();
     this.boot = rows.bootId;
     const line = new Float64Array(this.columns.length);
-    let k = 0;
+    let [k, keptS] = [0, -Infinity];
     const takeUntil = (limitS: number): void => {
       for (; k < kept.tS.length && (kept.tS[k] ?? NaN) <= limitS; k++) {
         kept.values.forEach((column, c) => (line[c] = column[k] ?? NaN));
-        this.push(kept.tS[k] ?? NaN, line, 0);
+        keptS = kept.tS[k] ?? NaN;
+        this.push(keptS, line, 0);
       }
     };
     for (let row = 0; row < rows.nRows; row++) {
       const tS = (rows.tNs[row] ?? NaN) * 1e-9;
       takeUntil(tS + FILL_GAP_S);
-      if (!(tS - this.newestS < FILL_GAP_S)) this.push(tS, rows.data, row * rows.nCols);
+      if (tS - keptS >= FILL_GAP_S) this.push(tS, rows.data, row * rows.nCols);
     }
     takeUntil(Infinity);
     this.version++;
   }
 
-  private copyOut(): { tS: Float64Array; values: Column[] } {
+  private copyOut(): { tS: Float64Array; values: Float64Array[] } {
     return {
       tS: this.tS.slice(this.start, this.end),
       values: this.values.map((column) => column.slice(this.start, this.end)),
@@ -111,11 +108,33 @@ export class Ring {
   }
 
   private push(tS: number, data: Float64Array, offset: number): void {
-    if (!(tS > (this.end > this.start ? (this.tS[this.end - 1] ?? -Infinity) : -Infinity))) return;
+    const lastS = this.newestS;
+    if (tS <= lastS) {
+      if (lastS - tS <= LATE_S) this.amend(tS, data, offset);
+    } else if (!Number.isNaN(tS)) this.insert(this.length, tS, data, offset);
+  }
+
+  /** Take a row that is not newer than all: into the one of the same moment, else between its neighbours. */
+  private amend(tS: number, data: Float64Array, offset: number): void {
+    const before = this.indexAt(tS);
+    const at = this.start + before;
+    if (before < 0 || this.tS[at] !== tS) this.insert(before + 1, tS, data, offset);
+    else if (!this.values.some((column, k) => Number.isNaN(column[at]) && !Number.isNaN(data[offset + k])))
+      return;
+    else
+      this.values.forEach((column, k) => {
+        if (Number.isNaN(column[at])) column[at] = data[offset + k] ?? NaN;
+      });
+    this.revision++;
+  }
+
+  private insert(index: number, tS: number, data: Float64Array, offset: number): void {
     if (this.end === this.tS.length) this.compact();
-    this.tS[this.end] = tS;
+    const at = this.start + index;
+    for (const column of [this.tS, ...this.values]) column.copyWithin(at + 1, at, this.end);
+    this.tS[at] = tS;
     for (let k = 0; k < this.values.length; k++)
-      (this.values[k] as Column)[this.end] = data[offset + k] ?? NaN;
+      (this.values[k] as Float64Array)[at] = data[offset + k] ?? NaN;
     this.end++;
     if (this.end - this.start > this.capacity) this.start = this.end - this.capacity;
   }
@@ -137,8 +156,8 @@ export class Ring {
   }
 
   /** All values held of one column: a view beside `times`. */
-  column(index: number): Column {
-    return (this.values[index] ?? new Float32Array(0)).subarray(this.start, this.end);
+  column(index: number): Float64Array {
+    return (this.values[index] ?? new Float64Array(0)).subarray(this.start, this.end);
   }
 
   /** Index (within `times`) of the newest row not after tS, -1 when all are later. */

@@ -1,11 +1,12 @@
 import { valueAround, wrapped } from "../logic/difference";
 import type { Signal } from "../logic/signals";
 import type { Feed } from "./feeds";
+import { LATE_S } from "./ring";
 
 /** Times and values of one curve, contiguous and ascending. */
 export interface Curve {
   readonly tS: Float64Array;
-  readonly values: Float32Array | Float64Array;
+  readonly values: Float64Array;
 }
 
 /**
@@ -24,6 +25,7 @@ export class Trace {
   private end = 0;
   private epoch = -1;
   private otherEpoch = -1;
+  private revision = 0;
   private frozen: Curve | null = null;
 
   constructor(signal: Signal, feed: Feed, other?: Feed) {
@@ -42,13 +44,24 @@ export class Trace {
       this.start = this.end = 0;
       [this.epoch, this.otherEpoch] = [ring.epoch, otherEpoch];
     }
-    const lastS = this.end > this.start ? (this.tS[this.end - 1] ?? -Infinity) : -Infinity;
+    if (ring.revision !== this.revision) this.forget(this.newestS - LATE_S);
+    this.revision = ring.revision;
+    const lastS = this.newestS;
     const times = ring.times();
     for (let i = ring.indexAt(lastS) + 1; i < times.length; i++) {
       const value = this.valueAt(i, times[i] ?? NaN);
       if (value === undefined) return;
       this.push(times[i] ?? NaN, value);
     }
+  }
+
+  private get newestS(): number {
+    return this.end > this.start ? (this.tS[this.end - 1] ?? -Infinity) : -Infinity;
+  }
+
+  /** Drop what came from rows that may have changed since. */
+  private forget(fromS: number): void {
+    while (this.end > this.start && (this.tS[this.end - 1] ?? -Infinity) >= fromS) this.end--;
   }
 
   /** Undefined while what it is compared with may still arrive. */

@@ -27,6 +27,7 @@ export const AID_LOOK: Readonly<Record<string, AidLook>> = {
   sideslip: { axes: ["y", "z"], unit: "m/s", factor: 1 },
   gravity: { axes: NED, unit: "m/s²", factor: 1 },
   wheels: { axes: [null, "y", "z"], unit: "m/s", factor: 1 },
+  drag: { axes: ["x", "y"], unit: "m/s²", factor: 1 },
   yaw: { axes: ["heading"], unit: "°", factor: RAD_TO_DEG },
   gnss_course: { axes: ["heading"], unit: "°", factor: RAD_TO_DEG },
 };

@@ -10,7 +10,10 @@ function quoted(text: string): string {
   return /[",\n]/.test(text) ? `"${text.replaceAll('"', '""')}"` : text;
 }
 
-/** Curves between two times as CSV: one row per time any of them has, empty where one has none. */
+/**
+ * Curves between two times as CSV: one row per time any of them has, empty where one has none. Values as they are held,
+ * to the last digit; times to the nanosecond of the board's clock.
+ */
 export function csvOf(columns: readonly CsvColumn[], fromS: number, toS: number): string {
   const at = columns.map(({ curve }) => indexAt(curve.tS, fromS - 1e-9) + 1);
   const lines = [["t_s", ...columns.map(({ name }) => quoted(name))].join(",")];
@@ -22,9 +25,9 @@ export function csvOf(columns: readonly CsvColumn[], fromS: number, toS: number)
       if (curve.tS[i] !== tS) return "";
       at[k] = i + 1;
       const value = curve.values[i] as number;
-      return Number.isFinite(value) ? String(Number(value.toPrecision(10))) : "";
+      return Number.isFinite(value) ? String(value) : "";
     });
-    lines.push([tS.toFixed(6), ...cells].join(","));
+    lines.push([tS.toFixed(9), ...cells].join(","));
   }
   return lines.join("\n") + "\n";
 }

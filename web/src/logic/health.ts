@@ -44,8 +44,8 @@ export function sensorShape(health: HealthOut, sensor: SensorOut, ageS: number |
 /** Refusals that are as they should be: nothing is wrong with the sensor. */
 const EXPECTED = new Set(["refused-moving", "refused-disabled", "refused-withheld", "refused-not-ready"]);
 
-/** Aids that only apply now and then: at rest, in still air. Not hearing of them is no trouble. */
-const OCCASIONAL = new Set(["zero_velocity", "zero_rate", "gravity", "sideslip"]);
+/** Aids that only apply now and then: at rest, in the air. Not hearing of them is no trouble. */
+const OCCASIONAL = new Set(["zero_velocity", "zero_rate", "gravity", "sideslip", "drag"]);
 
 /** An aid is well while it is fused now and then; a lasting refusal is for a person to look at. */
 export function aidShape(aid: AidOut, ageS: number | null): Shape {

@@ -6,13 +6,8 @@ export type Provides = LaneChoiceOut["provides"];
 /** Lanes that repeat what someone else computed: a good yardstick, never the state that is navigated by unasked. */
 const REPEATERS = new Set(["onboard", "reference"]);
 
-/**
- * How often the rows of a lane are wanted where many are compared: every second navigation step. Of what is repeated
- * every row: attitude and position come in rows of their own, and thinning would drop the one for the other.
- */
-export function compareRateHz(topic: string): number {
-  return REPEATERS.has(topic.replace("lanes/", "")) ? 50 : 25;
-}
+/** How often the rows of a lane are wanted where many are compared: every second navigation step. */
+export const COMPARE_RATE_HZ = 25;
 
 /** What can be read of a lane and compared, with the kinds of lane that know it. */
 export const LANE_QUANTITIES = [

@@ -38,9 +38,11 @@ TOP_M_S: Final = 500.0
 
 @kernel("float64(float64, float64, float64)")
 def true_airspeed(diff_pressure_pa: float, tas_m_s: float, height_m: float) -> float:
-    """Return the true airspeed, m/s: as reported, else from dynamic pressure and standard density [S0 eq. 3.24]."""
+    """Return the true airspeed, m/s, as reported, else from pressure and standard density [S0 eq. 3.24]; else NaN."""
     if math.isfinite(tas_m_s):
         return tas_m_s
+    if not math.isfinite(diff_pressure_pa):
+        return math.nan
     density = SEA_LEVEL_KG_M3 * max(0.1, 1.0 - 2.25577e-5 * height_m) ** 4.2559
     return math.sqrt(2.0 * max(0.0, diff_pressure_pa) / density)
 

@@ -119,7 +119,11 @@ export class Chart {
 
   /** While something moves: shift the window, fit the axis, write the numbers. */
   private frame(nowMs: number): void {
-    if (nowMs - this.drawnMs < FRAME_MS || !this.inView) return;
+    if (nowMs - this.drawnMs >= FRAME_MS && this.inView) this.redraw(nowMs);
+  }
+
+  /** Show what there is now, also out of sight: for who takes the canvas, which is drawn when this task is over. */
+  redraw(nowMs = performance.now()): void {
     const { toS, spanS } = timeWindow;
     const key = `${toS} ${spanS} ${this.plot.cursor.left}`;
     if (!Number.isFinite(toS) || key === this.drawnKey) return;
