@@ -267,7 +267,7 @@ def compare(
 @app.command()
 def montecarlo(
     runs: Annotated[int, typer.Option(help="flights")] = 100,
-    seconds: Annotated[float, typer.Option(help="length of each, s")] = 600.0,
+    seconds: Annotated[float, typer.Option(help="length of each, s")] = 240.0,
     seed: Annotated[int, typer.Option(help="equal seeds give equal results")] = 1,
     told: Annotated[
         str,

@@ -14,8 +14,8 @@ from server.sim import SimSettings, gnss, sensors
 Told = Literal["defaults", "sheet"]
 LANE: Final = "ins_ekf"
 EPOCH_S: Final = 0.5
-FLIGHT_S: Final = 600.0
-"""Ten times as long as the receiver's slow error lasts: in a short flight all epochs share one draw of it."""
+FLIGHT_S: Final = 240.0
+"""Four times as long as the receiver's slow error lasts: in a short flight all epochs share one draw of it."""
 WIND_M_S: Final = 8.0
 """The mean wind of a flight is drawn evenly up to here: a fresh breeze, the most a 2 kg multirotor is flown in."""
 STEP_S: Final = 0.02

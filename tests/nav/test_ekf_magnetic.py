@@ -84,9 +84,7 @@ def test_a_field_of_another_strength_is_refused_and_moves_nothing() -> None:
     assert moved.max() < 0.2
 
 
-@pytest.mark.parametrize(
-    ("angle_deg", "status"), [(40.0, AidStatus.REFUSED_DISTURBED), (17.0, AidStatus.REFUSED_GATE)]
-)
+@pytest.mark.parametrize(("angle_deg", "status"), [(40.0, AidStatus.REFUSED_DISTURBED), (17.0, AidStatus.REFUSED_GATE)])
 def test_a_field_of_the_right_strength_and_wrong_direction_is_refused(angle_deg: float, status: AidStatus) -> None:
     """A turn about the vertical keeps strength and dip: far off it contradicts the heading, less far the gate."""
     stream = stream_of(TURNS)

@@ -6,7 +6,15 @@ import numpy as np
 
 from server.nav.ekf import layout as at
 from server.nav.ekf.states import ACCEL_BIAS, GYRO_BIAS, PACKED, packed
-from server.nav.ekf.warming import ACCEL_LEARNED_S, GYRO_LEARNED_S, note_temperature, walk_with_temperature
+from server.nav.ekf.warming import (
+    ACCEL_DRIFT_M_S3,
+    ACCEL_LEARNED_S,
+    GYRO_DRIFT_RAD_S2,
+    GYRO_LEARNED_S,
+    note_temperature,
+    walk,
+    walk_with_temperature,
+)
 
 DT_S = 0.02
 
@@ -34,11 +42,18 @@ def test_hundredths_of_a_kelvin_and_missing_temperatures_are_no_warming():
 
 def test_a_warming_board_adds_the_walk_that_goes_as_far_as_the_ramp_while_it_is_learned():
     P, u, par, aux = np.zeros(PACKED), np.zeros(at.U_SIZE), np.zeros(at.PAR_SIZE), np.zeros(at.A_SIZE)
-    u[at.U_DT], aux[at.A_WARMING] = DT_S, 0.05
-    par[at.PAR_GYRO_PER_K], par[at.PAR_ACCEL_PER_K] = 1e-4, 1e-3
+    u[at.U_DT], aux[at.A_WARMING] = DT_S, -0.05  # cooling moves a bias as well
+    par[at.PAR_GYRO_PER_K] = GYRO_DRIFT_RAD_S2 / 0.05
+    par[at.PAR_ACCEL_PER_K] = 2.0 * ACCEL_DRIFT_M_S3 / 0.05
     for _ in range(round(GYRO_LEARNED_S / DT_S)):
         walk_with_temperature(P, u, par, aux)
-    np.testing.assert_allclose(P[packed(GYRO_BIAS, GYRO_BIAS)], (1e-4 * 0.05 * GYRO_LEARNED_S) ** 2, rtol=1e-9)
-    share = ACCEL_LEARNED_S * GYRO_LEARNED_S
-    np.testing.assert_allclose(P[packed(ACCEL_BIAS + 2, ACCEL_BIAS + 2)], (1e-3 * 0.05) ** 2 * share, rtol=1e-9)
+    gyro = P[packed(GYRO_BIAS, GYRO_BIAS)]
+    np.testing.assert_allclose(gyro, (GYRO_DRIFT_RAD_S2 * GYRO_LEARNED_S) ** 2, rtol=1e-9)
+    accel = P[packed(ACCEL_BIAS + 2, ACCEL_BIAS + 2)]
+    learned_s = ACCEL_LEARNED_S * 0.5**0.4  # twice the drift, learned sooner
+    np.testing.assert_allclose(accel, (2.0 * ACCEL_DRIFT_M_S3) ** 2 * learned_s * GYRO_LEARNED_S, rtol=1e-9)
     assert np.count_nonzero(P) == 6
+
+
+def test_a_bias_that_no_temperature_moves_gets_nothing():
+    assert walk(0.0, GYRO_DRIFT_RAD_S2, GYRO_LEARNED_S) == 0.0

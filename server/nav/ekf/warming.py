@@ -18,10 +18,25 @@ from server.nav.kernel import kernel
 from server.nav.types import Float
 
 SMOOTH_S: Final = 10.0  # thermometers on the chip have hundredths of a kelvin; boards warm up over minutes
-GYRO_LEARNED_S: Final = 30.0
-ACCEL_LEARNED_S: Final = 12.0
-"""A ramp is told as the random walk that goes as far in the time over which the filter learns a bias: the gyro's from
-the heading, the slower one, the accelerometer's from the velocity."""
+GYRO_DRIFT_RAD_S2: Final = 2e-6
+GYRO_LEARNED_S: Final = 50.0
+ACCEL_DRIFT_M_S3: Final = 4e-5
+ACCEL_LEARNED_S: Final = 25.0
+"""At such a drift a bias is learned over such a time: the gyro's from the heading, the slower one, the accelerometer's
+from the velocity."""
+SLOWER: Final = 0.4
+
+
+@kernel("float64(float64, float64, float64)")
+def walk(drift: float, usual: float, learned_s: float) -> float:
+    """Return the random walk density squared that goes as far as a ramp while the filter learns it.
+
+    A bias of walk q that is measured through an integral is learned over T = (R/q)^(1/4), and q = drift² T: a slower
+    drift is learned over a longer time, T = learned_s (usual/drift)^0.4.
+    """
+    if not drift > 0.0:
+        return 0.0
+    return float(drift * drift * learned_s * (usual / drift) ** SLOWER)
 
 
 @kernel("void(float64[::1], float64[::1])")
@@ -40,9 +55,9 @@ def note_temperature(u: Float, aux: Float) -> None:
 @kernel("void(float64[::1], float64[::1], float64[::1], float64[::1])")
 def walk_with_temperature(P: Float, u: Float, par: Float, aux: Float) -> None:
     """Add to the biases' variances what the present warming moves them by."""
-    rate2 = aux[A_WARMING] * aux[A_WARMING] * u[U_DT]
-    gyro = par[PAR_GYRO_PER_K] * par[PAR_GYRO_PER_K] * GYRO_LEARNED_S * rate2
-    accel = par[PAR_ACCEL_PER_K] * par[PAR_ACCEL_PER_K] * ACCEL_LEARNED_S * rate2
+    rate = abs(aux[A_WARMING])
+    gyro = walk(par[PAR_GYRO_PER_K] * rate, GYRO_DRIFT_RAD_S2, GYRO_LEARNED_S) * u[U_DT]
+    accel = walk(par[PAR_ACCEL_PER_K] * rate, ACCEL_DRIFT_M_S3, ACCEL_LEARNED_S) * u[U_DT]
     for i in range(3):
         P[packed(GYRO_BIAS + i, GYRO_BIAS + i)] += gyro
         P[packed(ACCEL_BIAS + i, ACCEL_BIAS + i)] += accel
