@@ -59,13 +59,13 @@ def transition(f):
 def started(k, n):
     """Return (T, Q) of what starts or is set at step k after the prediction, or None."""
     T, Q = np.eye(N), np.zeros((N, N))
-    states = []
+    states: list[int] = []
     if k in (DATUM_STARTS, AGAIN) and n > BARO:  # δb = −δd + noise
         T[BARO] = 0.0
         T[BARO, POS + 2] = -1.0
         Q[BARO, BARO] = 0.04
     elif k == WANDER_STARTS and n > WANDER:
-        states = range(WANDER, WANDER + 3)
+        states = list(range(WANDER, WANDER + 3))
     elif k == POSITION_SET:
         states = [*range(VEL, POS + 3), *range(WANDER, min(n, MIX))]
     else:
