@@ -50,7 +50,8 @@ def within(errors: Any, attitude_deg: float, horizontal_m: float, vertical_m: fl
 @pytest.mark.parametrize("log", ["mission", "static"])
 def test_the_recorded_stream_is_navigated_as_well_as_promised(shared_data: Path, tmp_path: Path, log: str) -> None:
     summary = replay(shared_data / "ardupilot_sitl" / f"{log}.tlog", tmp_path / "out", lanes=["ins_ekf", "reference"])
-    degrees = 0.30 if log == "mission" else 0.5  # at rest tilt and accelerometer bias are one unknown
+    # At rest tilt and accelerometer bias are one unknown: 0.44° here. At this dip the heading takes four times a tilt.
+    degrees = 0.30 if log == "mission" else 0.65
     within(settled(summary), attitude_deg=degrees, horizontal_m=0.04, vertical_m=0.04, velocity_m_s=0.018)
 
 
