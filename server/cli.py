@@ -75,7 +75,7 @@ def with_settings(command: Callable[[dict[str, Any], Path | None], None]) -> Cal
         else:
             parameters.append(_parameter(name, str | None, typer.Option(flag, help=text, metavar="VALUE")))
 
-    def run(**flags: Any) -> None:  # noqa: ANN401
+    def run(**flags: Any) -> None:  # noqa: ANN401  # one per setting, each of its own type
         config = flags.pop("config")
         command({name: value for name, value in flags.items() if value not in (None, [])}, config)
 
@@ -90,7 +90,7 @@ def _parameter(name: str, kind: object, option: object) -> inspect.Parameter:
     return inspect.Parameter(name, inspect.Parameter.KEYWORD_ONLY, default=None, annotation=annotation)
 
 
-def _load(flags: dict[str, Any], config: Path | None) -> Any:  # noqa: ANN401
+def _load(flags: dict[str, Any], config: Path | None) -> Any:  # noqa: ANN401  # Settings, imported late
     from server.settings import SettingsError, load_settings
 
     try:
@@ -116,7 +116,7 @@ def _serve(flags: dict[str, Any], config: Path | None) -> None:
         refuse(str(error), error.exit_status)
 
 
-def _warn_of_weak_tokens(settings: Any) -> None:  # noqa: ANN401
+def _warn_of_weak_tokens(settings: Any) -> None:  # noqa: ANN401  # Settings, imported late
     from server.doctor import TOKEN_SHORT
 
     for name in ("token", "viewer_token"):

@@ -18,7 +18,7 @@ FLIGHT_S: Final = 240.0
 """Four times as long as the receiver's slow error lasts: in a short flight all epochs share one draw of it."""
 WIND_M_S: Final = 8.0
 """The mean wind of a flight is drawn evenly up to here: a fresh breeze, the most a 2 kg multirotor is flown in."""
-STEP_S: Final = 0.02
+STEP_S: Final = 0.02  # of navigation, by default: what the mean rate of a step at rest is taken over
 SHEET: Final = {
     "gyro_noise_rad_s_rthz": sensors.GYRO_NOISE_RAD_S_RTHZ,
     "accel_noise_m_s2_rthz": sensors.ACCEL_NOISE_M_S2_RTHZ,
@@ -28,7 +28,7 @@ SHEET: Final = {
     "accel_bias_per_k_m_s2": sensors.ACCEL_PER_K_M_S2 / math.sqrt(3.0),
     "accel_bias_sigma_m_s2": math.hypot(sensors.ACCEL_BIAS_M_S2, 9.8 * sensors.CROSS_ERROR) / math.sqrt(3.0),
     "zero_rate_rad_s": sensors.GYRO_NOISE_RAD_S_RTHZ / math.sqrt(STEP_S),  # the demo board does not sway on its legs
-    "zero_velocity_m_s": 0.0004,
+    "zero_velocity_m_s": 0.0004,  # it stands exactly
     "vibration_hz": 1e4,  # rotors are a line in the spectrum, and noise is told
     "gyro_scale": sensors.SCALE_ERROR / math.sqrt(3.0),
     "gyro_cross": sensors.CROSS_ERROR / math.sqrt(3.0),

@@ -112,6 +112,7 @@ def image(engine: Engine, base: str, repository: Path, tmp_path_factory: pytest.
     """The image, built by the Dockerfile as it stands; the machine's certificates and pip settings are lent."""
     npmrc = tmp_path_factory.mktemp("npm") / "npmrc"
     npmrc.write_text(f"cafile={CERTIFICATES}/ca-certificates.crt\n")
+    # On the right: where each stands inside the image while it is built.
     lent = {CERTIFICATES: CERTIFICATES, Path("/etc/pip.conf"): Path("/etc/pip.conf"), npmrc: Path("/root/.npmrc")}
     volumes = [f"--volume={here}:{there}:ro" for here, there in lent.items() if here.exists()]
     flags = ("--isolation", "chroot", "--pull=never", "--format", "docker", "--layers", "--build-arg", f"BASE={base}")

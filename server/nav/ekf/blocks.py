@@ -90,6 +90,11 @@ def turn_field(x: Float, P: Float, angle_rad: float, variance: float) -> None:
     """Turn the Earth field about down by the declination just learned; the heading has been turned by it already.
 
     The declination's error is one error of both, so it changes nothing that the magnetometer sees.
+
+    Args:
+        x, P: shape (X_SIZE,) and (PACKED,), changed in place.
+        angle_rad: declination, east of north.
+        variance: of it, rad².
     """
     c, s = math.cos(angle_rad), math.sin(angle_rad)
     n, e = x[X_FIELD], x[X_FIELD + 1]
@@ -113,7 +118,12 @@ def turn_field(x: Float, P: Float, angle_rad: float, variance: float) -> None:
 
 @kernel("void(float64[::1], float64[::1], float64[::1], float64[::1], float64[::1])")
 def fuse_field_model(x: Float, P: Float, par: Float, aux: Float, work: Float) -> None:
-    """Correct the field towards the model's strength, horizontal and down, as far as the model's σ allows."""
+    """Correct the field towards the model's strength, horizontal and down, as far as the model's σ allows.
+
+    Args:
+        x, P: shape (X_SIZE,) and (PACKED,), changed in place.
+        par, aux, work: parameters, memory (A_FIELD_H and A_FIELD_D in gauss) and scratch, `layout`.
+    """
     c, s = math.cos(aux[A_DECLINATION]), math.sin(aux[A_DECLINATION])
     h, d = aux[A_FIELD_H], aux[A_FIELD_D]
     variance = par[PAR_FIELD_SIGMA] ** 2 * (h * h + d * d) + 1e-12

@@ -306,6 +306,11 @@ def repeats(own: float, variance: float, alike: float) -> float:
 
     A filter with gain g keeps (1 − g)^j of the fix j before: with a = (1 − g) ρ the errors it holds add up to
     (1 + a)/(1 − a) times those of independent fixes. The first fix of all, g = 1, counts once.
+
+    Args:
+        own: variance of what the filter holds, in the unit of `variance`.
+        variance: of one fix.
+        alike: ρ, 0 ≤ ρ < 1.
     """
     gain = own / (own + variance * (1.0 + alike) / (1.0 - alike))
     kept = (1.0 - gain) * alike
