@@ -21,6 +21,7 @@ from server.api.application import make_app
 from server.api.context import Context
 from server.board import BoardParts
 from server.boards import Boards
+from server.calibration.service import Calibrations
 from server.commands import AddBoard, Refusal
 from server.doctor import Setup, examine
 from server.door import Door, Names
@@ -55,7 +56,8 @@ class Service:
         self._factories = factories
         self._server: QuietServer | None = None
         self.boards = Boards(self._parts, settings.lanes, settings.history_s, settings.data_dir)
-        self.live = Live(self.boards)
+        self.calibrations = Calibrations(self.boards, settings.data_dir / "calibrations", version())
+        self.live = Live(self.boards, self.calibrations.stream_text)
         self.metrics = Metrics(self.boards, lambda: self.live.clients, lambda: self.live.lost)
         self.boards.on_removed.append(self.metrics.forget)
         self.view3d = View3D(lambda: tuple(self.boards), lambda _board_id: vehicle_class(settings))
@@ -63,6 +65,7 @@ class Service:
         self.context = Context(
             version=version(),
             boards=self.boards,
+            calibrations=self.calibrations,
             keyring=keyring,
             registry=self.metrics.registry,
             settings=settings_out(loaded),
@@ -96,8 +99,10 @@ class Service:
         """Serve until a signal or cancellation; every task of the service lives in this one group."""
         async with contextlib.AsyncExitStack() as stack:
             group = await stack.enter_async_context(asyncio.TaskGroup())
+            self.calibrations.start(group)
             self.boards.start(group)
             self.live.start(group)
+            stack.callback(self.calibrations.stop)
             stack.callback(self.live.stop)
             stack.callback(self.boards.stop)
             if self.settings.view3d:

@@ -13,7 +13,8 @@ from server.board_parts import BoardParts, Engine
 from server.board_view import BoardStateName, BoardView
 from server.history import History
 from server.hub import EventRecord, Hub
-from server.link.base import Chunk, LinkState
+from server.link.base import Chunk, LinkState, Turnable
+from server.nav.calibration.applied import Calibration
 from server.nav.types import Event, SampleBlock, Snapshot
 from server.rows import lane_of, row_topics
 from server.traffic import Traffic
@@ -47,6 +48,7 @@ class Board:
         self.hub = Hub()
         self._lanes = lanes
         self._lane_values: dict[str, dict[str, float]] = {}
+        self.calibration = Calibration()
         self._parts = parts
         self._link = parts.link()
         self._protocol = parts.protocol()
@@ -118,6 +120,26 @@ class Board:
         told = ", ".join(f"{name} = {value:g}" for name, value in values.items())
         self._tell("server", "lane-parameters-set", "info", f"Estimator {lane}: {told}.")
 
+    @property
+    def mag_scale(self) -> float:
+        """Factor that brings the magnetometer's values to gauss; 0 before it was found."""
+        sensors = self.snapshot().sensors
+        return next((one.scale for one in sensors if one.name == "mag" and one.t_last_ns >= 0), 0.0)
+
+    @property
+    def simulator(self) -> Turnable | None:
+        """Its link when that is a demo board's, which can be turned from here."""
+        return self._link if isinstance(self._link, Turnable) else None
+
+    def set_calibration(self, calibration: Calibration) -> None:
+        """Put this calibration in force from the next sample on, through reconnection, reboot and failure."""
+        self.calibration = calibration
+        self._engine.set_calibration(calibration)
+
+    def note(self, code: str, severity: str, text: str) -> None:
+        """Write something that the service did into the board's event log."""
+        self._tell("server", code, severity, text)
+
     def view(self) -> BoardView:
         """Return the board as it is now."""
         return BoardView(
@@ -150,6 +172,7 @@ class Board:
         engine.choose_lanes(self._lanes)
         for lane, values in self._lane_values.items():
             engine.set_lane_parameters(lane, values)
+        engine.set_calibration(self.calibration)
         return engine
 
     async def _run_once(self) -> None:

@@ -7,6 +7,7 @@ from dataclasses import dataclass
 from typing import TYPE_CHECKING, Protocol
 
 from server.link.base import Link
+from server.nav.calibration.applied import Calibration
 from server.nav.types import SampleBlock, Snapshot, StepResult
 from server.protocol.base import BoardProtocol
 from server.traffic import Detect
@@ -36,6 +37,10 @@ class Engine(Protocol):
 
     def set_lane_parameters(self, lane: str, values: Mapping[str, float]) -> None:
         """Change parameters from the next step on; `ValueError`, and nothing changed, for what a lane does not take."""
+        ...
+
+    def set_calibration(self, calibration: Calibration) -> None:
+        """Apply this calibration from the next sample on."""
         ...
 
 

@@ -40,6 +40,7 @@ class Boards:
         self._tasks: dict[str, asyncio.Task[None]] = {}
         self._keys: dict[str, str] = {}
         self._group: asyncio.TaskGroup | None = None
+        self.on_added: list[Callable[[Board], None]] = []
         self.on_removed: list[Callable[[str], None]] = []
         self.on_lanes: list[Callable[[Board], None]] = []
 
@@ -74,6 +75,8 @@ class Boards:
             return _bad_url(command.url, f"{command.url[:80]!r}{what}.", remedy)
         self._boards[board_id] = board
         self._keys[board_id] = link_key(command.url)
+        for told in self.on_added:
+            told(board)
         if self._group is not None:
             self._run(board)
         return Done(board_id=board_id)

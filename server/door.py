@@ -19,7 +19,7 @@ from server.wire_base import Problem, Role
 SAFE_METHODS: Final = frozenset({"GET", "HEAD", "OPTIONS"})
 GUARDED: Final = ("/api", "/view", "/metrics", "/docs", "/openapi.json")
 SESSION_PATH: Final = "/api/v1/session"
-MAX_BODY_BYTES: Final = 65_536
+MAX_BODY_BYTES: Final = 262_144  # two parameter files of an autopilot
 LOOPBACK_NAMES: Final = frozenset({"localhost", "127.0.0.1", "::1"})
 SECURITY_HEADERS: Final = {
     "x-content-type-options": "nosniff",

@@ -13,10 +13,12 @@ from typing import Final, NamedTuple, Protocol
 import numpy as np
 from numpy.typing import NDArray
 
+from server.nav.parts import join_stages
 from server.nav.types import (
     AID_COLUMNS,
     LANE_COLUMNS,
     SAMPLE_COLUMNS,
+    STAGE_COLUMNS,
     STEP_COLUMNS,
     AidRows,
     FilteredRows,
@@ -62,6 +64,7 @@ def row_topics(lanes: Sequence[str]) -> dict[str, RowTopic]:
     topics = {f"{LANE_TOPIC}{lane}": RowTopic(LANE_COLUMNS, _lane(lane)) for lane in lanes}
     topics["filtered"] = RowTopic(STEP_COLUMNS, lambda result: _filled(result.filtered.t_ns, result.filtered.data))
     topics["aids"] = RowTopic(AID_COLUMNS, lambda result: _filled(result.aids.t_ns, result.aids.data), _first_column)
+    topics |= {f"stages/{sensor}": RowTopic(columns, _stages(sensor)) for sensor, columns in STAGE_COLUMNS.items()}
     topics |= {f"raw/{kind.name.lower()}": RowTopic(SAMPLE_COLUMNS[kind], _raw(kind)) for kind in RAW_KINDS}
     return {name: topic._replace(group=known_columns) if name in IN_TURNS else topic for name, topic in topics.items()}
 
@@ -87,6 +90,13 @@ def _filled(t_ns: Int, data: Float) -> Table | None:
 def _lane(name: str) -> Extract:
     def extract(result: StepResult) -> Table | None:
         return next((_filled(rows.t_ns, rows.data) for rows in result.lanes if rows.lane == name), None)
+
+    return extract
+
+
+def _stages(sensor: str) -> Extract:
+    def extract(result: StepResult) -> Table | None:
+        return next((_filled(rows.t_ns, rows.data) for rows in result.stages if rows.sensor == sensor), None)
 
     return extract
 
@@ -124,6 +134,7 @@ def merged(results: Sequence[StepResult]) -> StepResult:
         aids=AidRows(t_ns=_stamps(aids), data=_values(aids)),
         filtered=FilteredRows(t_ns=_stamps(filtered), data=_values(filtered)),
         events=tuple(event for result in results for event in result.events),
+        stages=join_stages([result.stages for result in results]),
     )
 
 

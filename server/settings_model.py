@@ -19,6 +19,7 @@ from pydantic_settings import (
     SettingsConfigDict,
 )
 
+from server.chain_values import chain_values
 from server.lane_values import lane_values
 from server.nav.constants import NAV_RATE_MAX_HZ, NAV_RATE_MIN_HZ
 from server.nav.types import EngineSettings, VehicleClass
@@ -73,6 +74,11 @@ class Settings(BaseSettings):
     lane_parameters: ListOfText = Field(
         (), description="numbers of estimators that are not at their default, as LANE.PARAMETER=VALUE"
     )
+    preprocess: ListOfText = Field(
+        (),
+        description="units, mounting and filters of sensors, as SENSOR.PARAMETER=VALUE:"
+        " gyro.butterworth_hz=40, imu.lowpass_hz=60, baro.window_samples=3, board.mounting=roll180",
+    )
     vehicle: Literal["auto", "multirotor", "fixed_wing", "car", "hand_held"] = Field(
         "auto", description="class of vehicle; auto = what the board says"
     )
@@ -100,7 +106,7 @@ class Settings(BaseSettings):
     use_mag: bool = Field(True, description="let the magnetometer correct the state")
     use_airspeed: bool = Field(True, description="let the airspeed correct the state")
 
-    @field_validator("links", "allowed_hosts", "lanes", "lane_parameters", "lever_arm_b_m", mode="before")
+    @field_validator("links", "allowed_hosts", "lanes", "lane_parameters", "preprocess", "lever_arm_b_m", mode="before")
     @classmethod
     def _split(cls, value: object) -> object:
         """Take a list, a JSON list, or text with commas, as a variable of the environment holds it."""
@@ -127,6 +133,13 @@ class Settings(BaseSettings):
         lane_values(value)
         return value
 
+    @field_validator("preprocess")
+    @classmethod
+    def _readable_chain(cls, value: tuple[str, ...]) -> tuple[str, ...]:
+        """Refuse what is not SENSOR.PARAMETER=VALUE; names and limits are checked when the engine is made."""
+        chain_values(value)
+        return value
+
     @classmethod
     def settings_customise_sources(
         cls,
@@ -147,7 +160,8 @@ class Settings(BaseSettings):
         }
         known = {name: getattr(self, name) for name in names if getattr(self, name) is not None}
         values = lane_values(self.lane_parameters)
-        return EngineSettings(vehicle=VEHICLES[self.vehicle], lane_parameters=values, **known)
+        chain = chain_values(self.preprocess)
+        return EngineSettings(vehicle=VEHICLES[self.vehicle], lane_parameters=values, chain=chain, **known)
 
     @property
     def has_token(self) -> bool:

@@ -25,7 +25,7 @@ from server.view_parts import (
 )
 from server.wire import BoardOut, EventOut, FlagsOut, HealthOut, NavOut, TopicOut
 
-JSON_TOPICS: Final = ("health", "events")
+JSON_TOPICS: Final = ("health", "events", "calibration")
 HEALTH_EVENTS: Final = 50
 HEADING_KNOWN_RAD: Final = math.radians(20.0)
 

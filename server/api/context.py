@@ -14,6 +14,7 @@ from starlette.requests import HTTPConnection
 from server.api.errors import ApiError, error_from_refusal
 from server.board import Board
 from server.boards import Boards, no_board
+from server.calibration.service import Calibrations
 from server.keyring import Keyring
 from server.wire_base import Role
 from server.wire_service import DoctorOut, PortOut, SettingsOut
@@ -30,6 +31,7 @@ class Context:
 
     version: str
     boards: Boards
+    calibrations: Calibrations
     keyring: Keyring
     registry: CollectorRegistry
     settings: SettingsOut

@@ -5,7 +5,10 @@ from __future__ import annotations
 from collections.abc import AsyncIterator
 from dataclasses import dataclass, field
 from enum import StrEnum
-from typing import Protocol
+from typing import TYPE_CHECKING, Protocol, runtime_checkable
+
+if TYPE_CHECKING:
+    from server.simulator import Command, SimulatorState
 
 
 class LinkState(StrEnum):
@@ -76,4 +79,18 @@ class Link(Protocol):
 
     async def close(self) -> None:
         """Release the port; `chunks` then ends."""
+        ...
+
+
+@runtime_checkable
+class Turnable(Protocol):
+    """A link whose board can be turned by hand from here: the demo board's only."""
+
+    async def control(self, command: Command | None = None) -> SimulatorState:
+        """Turn the board, or what is around it; return its state then. None only asks for the state.
+
+        Raises:
+            ValueError: this board cannot do it; the text says why and what to do.
+            ConnectionError: the board does not run (now).
+        """
         ...

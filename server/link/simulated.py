@@ -3,14 +3,18 @@
 from __future__ import annotations
 
 import asyncio
+from concurrent.futures import Future
 from pathlib import Path
-from typing import Protocol
+from typing import TYPE_CHECKING, Protocol
 
 from server.link.causes import Trouble
 from server.link.find import Finder
 from server.link.pipe import PipeConnection
 from server.link.retry import RetryLink
 from server.link.serial_link import connect_tty
+
+if TYPE_CHECKING:
+    from server.simulator import Command, SimulatorState
 
 _BAUD = 921_600
 
@@ -26,6 +30,10 @@ class Board(Protocol):
         """End the board; a second call does nothing."""
         ...
 
+    def ask(self, command: Command | None = None) -> Future[SimulatorState]:
+        """Have it carry a command out, or None; the answer is its state then."""
+        ...
+
 
 class SimLink(RetryLink):
     """Starts a board, reads it, and starts another one should it end."""
@@ -35,6 +43,18 @@ class SimLink(RetryLink):
         self._finder = finder
         self._board: Board | None = None
         self._device = ""
+
+    async def control(self, command: Command | None = None) -> SimulatorState:
+        """Turn the board, or what is around it; return its state then. None only asks for the state.
+
+        Raises:
+            ValueError: this board cannot do it; the text says why and what to do.
+            ConnectionError: the board does not run (now): it is starting, or the link was closed.
+        """
+        board = self._board
+        if board is None:
+            raise ConnectionError("the demo board does not run")
+        return await asyncio.wrap_future(board.ask(command))
 
     def _open_details(self) -> dict[str, str]:
         return {"device": self._device, "baud": str(_BAUD)}

@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import asyncio
 import time
-from collections.abc import Coroutine
+from collections.abc import Callable, Coroutine
 from typing import Any, Final, NamedTuple
 
 from server.board import Board
@@ -21,8 +21,11 @@ from server.wire_stream import StreamErrorOut, SubscribedOut, SubscribeIn, TickO
 
 TICK_S: Final = 0.8  # a client takes silence of more than a second for a broken socket
 JSON_MAX_HZ: Final = 2.0
+CALIBRATION_MAX_HZ: Final = 5.0  # a person turns a board and looks at what it does
 ROWS_DEFAULT_HZ: Final = 10.0
 MAX_CLIENTS: Final = 64
+
+JSON_TOPICS: Final = {"health": JSON_MAX_HZ, "calibration": CALIBRATION_MAX_HZ}
 
 AnyFeed = RowFeed | JsonFeed | EventFeed
 
@@ -38,8 +41,9 @@ class Subscribed(NamedTuple):
 class Live:
     """All clients of the stream; nothing runs for a topic nobody wants."""
 
-    def __init__(self, boards: Boards) -> None:
+    def __init__(self, boards: Boards, calibration_of: Callable[[str], str] = lambda _board_id: "null") -> None:
         self._boards = boards
+        self._calibration_of = calibration_of
         self._group: asyncio.TaskGroup | None = None
         self._clients: dict[Outbox, dict[int, Subscribed]] = {}
         self._json: dict[tuple[str, float], JsonFeed] = {}
@@ -96,8 +100,8 @@ class Live:
         board = self._boards.get(board_id)
         if head != "boards" or board is None:
             return StreamErrorOut(id=wish.id, problem=self._no_topic(wish.topic))
-        if name == "health":
-            return self._join_json(outbox, wish, board.id)
+        if name in JSON_TOPICS:
+            return self._join_json(outbox, wish, board.id, name)
         if name == "events":
             return self._join_events(outbox, wish, board)
         if name in board.topics:
@@ -111,14 +115,14 @@ class Live:
             subscribed.feed.readers.discard((outbox, stream_id))
             self._sweep(subscribed)
 
-    def _join_json(self, outbox: Outbox, wish: SubscribeIn, board_id: str) -> SubscribedOut:
-        rate_hz = min(wish.rate_hz or JSON_MAX_HZ, JSON_MAX_HZ)
+    def _join_json(self, outbox: Outbox, wish: SubscribeIn, board_id: str, name: str = "") -> SubscribedOut:
+        rate_hz = min(wish.rate_hz or JSON_MAX_HZ, JSON_TOPICS.get(name, JSON_MAX_HZ))
         answer = SubscribedOut(id=wish.id, topic=wish.topic, columns=None, rate_hz=rate_hz)
         outbox.reply(answer.model_dump_json())
         key, reader = (wish.topic, rate_hz), (outbox, wish.id)
         feed = self._json.get(key)
         if feed is None:
-            feed = self._json[key] = JsonFeed(self._health_of(board_id) if board_id else self._all_boards, rate_hz)
+            feed = self._json[key] = JsonFeed(self._render(board_id, name), rate_hz)
             self._enter(feed, reader, board_id)
             self._start(feed, feed.run())
         else:
@@ -190,7 +194,12 @@ class Live:
     def _all_boards(self) -> str:
         return BoardsOut(boards=tuple(board_out(board.view()) for board in self._boards)).model_dump_json()
 
-    def _health_of(self, board_id: str) -> Any:  # noqa: ANN401
+    def _render(self, board_id: str, name: str) -> Callable[[], str]:
+        if not board_id:
+            return self._all_boards
+        return self._health_of(board_id) if name == "health" else lambda: self._calibration_of(board_id)
+
+    def _health_of(self, board_id: str) -> Callable[[], str]:
         def render() -> str:
             board = self._boards.get(board_id)
             return health_out(board.view()).model_dump_json() if board is not None else "null"
@@ -198,7 +207,8 @@ class Live:
         return render
 
     def _no_topic(self, topic: str) -> Problem:
-        known = ["boards", *(f"boards/{b.id}/{name}" for b in self._boards for name in (*b.topics, "health", "events"))]
+        names = (*JSON_TOPICS, "events")
+        known = ["boards", *(f"boards/{b.id}/{name}" for b in self._boards for name in (*b.topics, *names))]
         return problem(404, "no-such-topic", f"There is no topic {topic[:80]!r}.", f"One of: {', '.join(known)}.")
 
     async def _tick_forever(self) -> None:

@@ -10,23 +10,30 @@ from __future__ import annotations
 import math
 from collections import deque
 from collections.abc import Mapping
+from dataclasses import replace
 from typing import Final
 
 import numpy as np
 
+from server.nav.calibration.applied import Calibration
+from server.nav.calibration.mag_learning import MagLearnState
+from server.nav.calibration_events import calibration_event, chain_event, level_event
 from server.nav.codes import FUSED, GNSS, MAG
 from server.nav.constants import NAV_RATE_MAX_HZ, NAV_RATE_MIN_HZ
 from server.nav.ekf import layout as at
+from server.nav.field_learning import FieldLearning
 from server.nav.health import AidBook, consistency, mag_scale_event, sensor_health
 from server.nav.lanes.bank import LaneBank
 from server.nav.lanes.base import LaneContext
 from server.nav.lanes.passthrough import SOURCE, merged, repeat
 from server.nav.lanes.registry import LANES, LaneInfo, provides_of
 from server.nav.nees import NeesBook
-from server.nav.parts import Part, empty_block, join, join_aids
-from server.nav.preprocess.accumulate import accumulate
+from server.nav.parts import Part, empty_block, join, join_aids, join_stages
+from server.nav.preprocess.chain_parameters import ChainInfo
+from server.nav.preprocess.conditioning import Conditioning
 from server.nav.preprocess.filtered import filtered_rows
-from server.nav.preprocess.memory import S_MAG_SCALE, new_memory
+from server.nav.preprocess.memory import S_MAG_SCALE
+from server.nav.preprocess.rebase import Rebase
 from server.nav.preprocess.withhold import USE_AIRSPEED, USE_BARO, USE_GNSS, USE_MAG, withhold
 from server.nav.site import SiteFinder
 from server.nav.types import (
@@ -48,7 +55,6 @@ from server.nav.types import (
 )
 
 EVENTS_KEPT: Final = 100
-CARRIED_ROWS: Final = 2048
 DELAYED: Final = ("imu", "mag", "gnss", "baro")
 MAIN: Final = "ins_ekf"
 """The lane whose aids are recorded and whose consistency is judged."""
@@ -72,6 +78,9 @@ class NavEngine:
             raise ValueError(f"nav_rate_hz is {settings.nav_rate_hz}; it must lie between {limits}")
         self._settings, self._field_model = settings, field_model
         self._bank = LaneBank(settings)
+        self._conditioning = Conditioning(settings.chain, settings.calibration)
+        self._learning = FieldLearning()
+        self._untold: list[Event] = []
         self._use = USE_GNSS * settings.use_gnss + USE_BARO * settings.use_baro
         self._use += USE_MAG * settings.use_mag + USE_AIRSPEED * settings.use_airspeed
         self._events: deque[Event] = deque(maxlen=EVENTS_KEPT)
@@ -81,12 +90,12 @@ class NavEngine:
     def _restart(self, boot_id: int) -> None:
         """Forget everything that belongs to one power-up."""
         self._boot_id, self._t0_ns, self._t_ns, self._started = boot_id, 0, -1, False
-        self._memory, self._counters = new_memory()
+        self._conditioning.restart()
+        self._learning.restart()
         self._finder = SiteFinder(self._settings, self._field_model)
         self._delays_s = [0.0, 0.0, 0.0, 0.0]
         self._told_delays: tuple[ToldDelay, ...] = ()
         self._vehicle = int(self._settings.vehicle)
-        self._carried = np.empty((0, at.M_SIZE))
         self._held = np.full(5, np.nan)
         self._bank.clear()
         self._book, self._nees = AidBook(), NeesBook(MAIN)
@@ -101,16 +110,30 @@ class NavEngine:
             self._restart(block.boot_id)
         if not self._started and len(block.t_ns):
             self._start(int(block.t_ns[0]))
-        parts: list[Part] = []
-        cuts = np.flatnonzero(block.kind >= Kind.DATE)
+        parts: list[Part] = [self._told_before()] if self._untold and len(block.t_ns) else []
+        cuts = np.flatnonzero(block.kind >= Kind.DATE).tolist()
+        moves = self._learning.cuts(block.kind, block.t_ns) if self._may_move else []
         begin = 0
-        for cut in (*cuts.tolist(), len(block.kind)):
-            if cut > begin:
-                parts.append(self._advance(block, begin, cut))
-            if cut < len(block.kind):
+        for cut in sorted({*cuts, *moves, len(block.kind)}):
+            while begin < cut:
+                part, begin = self._advance(block, begin, cut)
+                parts.append(part)
+            if cut < len(block.kind) and block.kind[cut] >= Kind.DATE:
                 self._configure(Kind(int(block.kind[cut])), block.data[cut])
-            begin = cut + 1
+                begin = cut + 1
+            elif cut < len(block.kind):
+                self._move_offset()
         return self._collect(block, parts)
+
+    @property
+    def _may_move(self) -> bool:
+        return self._learning.is_moving(self._conditioning.chain.learned_gauss)
+
+    def _move_offset(self) -> None:
+        """Follow what is learned of the magnetic offset in flight, by a little."""
+        offset = self._learning.moved(self._conditioning.chain.learned_gauss)
+        if offset is not None:
+            self._follow(self._conditioning.learn(offset))
 
     def finish(self) -> StepResult:
         """End the power-up: return the rows of the lanes that need all of it (`lanes.registry.AFTERWARDS`).
@@ -132,6 +155,8 @@ class NavEngine:
 
     def _lane_context(self) -> LaneContext:
         imu, mag, gnss, baro = self._delays_s
+        filters_s = self._conditioning.imu_delay_s
+        imu = imu if filters_s == 0.0 else filters_s + (imu if math.isfinite(imu) else 0.0)
         return LaneContext(
             settings=self._settings,
             t0_ns=self._t0_ns,
@@ -156,6 +181,86 @@ class NavEngine:
             ValueError: unknown lane or parameter, or a value outside its limits; nothing is changed then.
         """
         self._bank.set_values(lane, values)
+
+    def set_calibration(self, calibration: Calibration) -> None:
+        """Put a calibration in force from the next sample on; raw rows stay raw.
+
+        The main lane's biases are carried over, so that its solution does not jump. A level that changes turns the body
+        frame: every lane then starts anew.
+        """
+        if not self._started:
+            self._conditioning.calibrate(calibration)
+            self._untold.append(calibration_event(calibration, 0))
+            return
+        self._follow(self._conditioning.calibrate(calibration))
+        self._untold.append(calibration_event(calibration, self._t_ns))
+
+    @property
+    def calibration(self) -> Calibration:
+        """The calibration in force."""
+        return self._conditioning.chain.calibration
+
+    def _follow(self, change: Rebase) -> None:
+        """Carry everything over that holds calibrated values."""
+        A, d = change.mag
+        self._held[:3] = A @ self._held[:3] + d
+        self._held[3] += change.baro_m
+        if change.is_level_changed:
+            self._untold.append(level_event(self._t_ns))
+            self._bank.restart()
+        else:
+            self._bank.rebase(change)
+
+    def set_chain(self, sensor: str, values: Mapping[str, float]) -> None:
+        """Change parameters of one sensor's preprocessing from the next sample on; its filters start anew.
+
+        Another unit or mounting changes what every estimator has learned: the lanes start anew then.
+
+        Raises:
+            ValueError: unknown sensor or parameter, or a value outside its limits; nothing is changed then.
+        """
+        turned = self._conditioning.set_chain(sensor, values)
+        self._untold.append(chain_event(sensor, values, self._t_ns))
+        self._conditioning.take_changed()
+        if self._started:
+            if turned:
+                self._bank.restart()
+            self._bank.start(self._lane_context())
+
+    def set_mag_learning(self, run: bool, apply: bool) -> None:
+        """Switch learning the magnetic offset in flight, and its use, on or off from the next step on.
+
+        Run alone only watches. Applied, a converged offset is taken off the field that every lane gets, approached in
+        small moves at whole seconds of board time; the main lane's own magnetic bias is carried over with each.
+        """
+        self._learning.choose(run, apply)
+
+    def mag_learning(self) -> MagLearnState | None:
+        """Return what has been learned of the magnetic offset; None when it does not run."""
+        return self._learning.state()
+
+    @property
+    def mag_learned_gauss(self) -> Float:
+        """The learned offset that is taken off the calibrated field now, shape (3,), body."""
+        return self._conditioning.chain.learned_gauss
+
+    def chain(self) -> tuple[ChainInfo, ...]:
+        """Return the preprocessing of every sensor: its parameters as they are set, and what its filters delay."""
+        return self._conditioning.chain.infos()
+
+    def converted(self, kind: Kind, rows: Float) -> Float:
+        """Return raw rows, shape (n, ROW_WIDTH), in SI and body axes: what a calibration is made of.
+
+        They differ from the raw ones only where raw counts or a mounting are set.
+        """
+        return self._conditioning.chain.converted(kind, rows)
+
+    def _told_before(self) -> Part:
+        """Return what was changed between two calls, as events at the last known time."""
+        part = Part()
+        part.events = [replace(event, t_ns=max(event.t_ns, self._t0_ns)) for event in self._untold]
+        self._untold = []
+        return part
 
     def lanes(self) -> tuple[LaneInfo, ...]:
         """Return every lane there is: whether it runs, what it provides, and its parameters as they are set."""
@@ -189,35 +294,27 @@ class NavEngine:
             self._vehicle = int(row[4])
         self._bank.start(self._lane_context())
 
-    def _advance(self, block: SampleBlock, begin: int, end: int) -> Part:
-        """Run preprocessing and lanes over rows [begin, end) of a block."""
-        n = end - begin
-        steps, meas = np.empty((n, at.U_SIZE)), np.empty((n, at.M_SIZE))
-        n_steps, n_meas = accumulate(
-            block.kind[begin:end], block.t_ns[begin:end], block.data[begin:end], self._t0_ns,
-            self._settings.nav_rate_hz, self._memory, self._counters, steps, meas,
-        )  # fmt: skip
-        steps, meas = steps[:n_steps], meas[:n_meas]
-        if len(self._carried):
-            meas = np.concatenate((self._carried, meas))
-        ready = int(np.searchsorted(meas[:, at.M_STEP], n_steps))  # the rest waits for a step that is still open
-        self._carried = meas[ready:].copy()
-        self._carried[:, at.M_STEP] = 0.0
-        if len(self._carried) > 2 * CARRIED_ROWS:  # no IMU: older ones would be stale anyway
-            self._carried = self._carried[-CARRIED_ROWS:]
+    def _advance(self, block: SampleBlock, begin: int, end: int) -> tuple[Part, int]:
+        """Run preprocessing and lanes over rows [begin, end) of a block; return where it stopped."""
+        got = self._conditioning.run(block, begin, end, self._t0_ns, self._settings.nav_rate_hz)
         part = Part()
-        if not self._mag_scale_told and n_meas:
-            self._tell_mag_scale(meas, part)
-        if n_steps:
-            self._run_lanes(steps, np.ascontiguousarray(meas[:ready]), part)
-        return part
+        part.stages = got.stages
+        if not self._mag_scale_told and len(got.seen):
+            self._tell_mag_scale(got.seen, part)
+        if len(got.steps):
+            learned = self._conditioning.chain.learned_gauss
+            self._learning.take(got.steps, got.meas, learned, self._t0_ns, self._delays_s[1])
+            self._run_lanes(got.steps, got.meas, part)
+        if self._conditioning.take_changed():
+            self._bank.start(self._lane_context())
+        return part, got.end
 
     def _tell_mag_scale(self, meas: Float, part: Part) -> None:
         """Say once, at the first magnetic sample, that its unit is not the protocol's."""
         field = meas[meas[:, at.M_KIND] == MAG]
-        if len(field) and self._memory[S_MAG_SCALE] != 0.0:
+        if len(field) and self._conditioning.memory[S_MAG_SCALE] != 0.0:
             self._mag_scale_told = True
-            event = mag_scale_event(float(self._memory[S_MAG_SCALE]), int(field[0, at.M_T]) + self._t0_ns)
+            event = mag_scale_event(float(self._conditioning.memory[S_MAG_SCALE]), int(field[0, at.M_T]) + self._t0_ns)
             part.events += [event] if event else []
 
     def _run_lanes(self, steps: Float, meas: Float, part: Part) -> None:
@@ -286,6 +383,7 @@ class NavEngine:
                 data=np.concatenate([p.filtered for p in filtered]) if filtered else np.empty((0, len(STEP_COLUMNS))),
             ),
             events=events,
+            stages=join_stages([p.stages for p in parts]),
         )
 
     def _keep(
@@ -317,7 +415,7 @@ class NavEngine:
             boot_id=self._boot_id,
             t_ns=self._t_ns,
             lanes=tuple(self._newest.values()),
-            sensors=sensor_health(self._memory, self._counters, self._t0_ns),
+            sensors=sensor_health(self._conditioning.memory, self._conditioning.counters, self._t0_ns),
             aids=self._book.health(),
             site=self._finder.site,
             filtered=self._filtered,
@@ -326,6 +424,7 @@ class NavEngine:
             vehicle=VehicleClass(self._vehicle),
             delays=self._bank.delays(),
             told_delays=self._told_delays,
+            filter_delays=self._conditioning.delays(),
             consistency=consistency(self._book, self._nees) if MAIN in self._bank.chosen else (),
         )
 

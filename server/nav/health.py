@@ -69,6 +69,7 @@ def sensor_health(s: Float, n: Int, t0_ns: int) -> tuple[SensorHealth, ...]:
                 refused=refused,
                 scale=scale,
                 note=_note(kind, scale, counters, s),
+                clipped=int(counters[acc.N_CLIPPED]),
             )
         )
     return tuple(entries)
@@ -81,6 +82,8 @@ def _note(kind: Kind, scale: float, counters: Int, s: Float) -> str:
         return "mag-scale-corrected"
     if kind == Kind.IMU and s[acc.S_SAME] > STUCK_S:
         return "imu-stuck"
+    if kind == Kind.IMU and s[acc.S_T_LAST] - s[acc.S_T_CLIP] < RECENT_NS:
+        return "imu-clipped"
     if kind == Kind.IMU and s[acc.S_T_LAST] - s[acc.S_T_GAP] < RECENT_NS:
         return "imu-gaps"
     return ""

@@ -5,7 +5,7 @@ from __future__ import annotations
 import numpy as np
 
 from server.nav.lanes.base import LaneResult
-from server.nav.types import AID_COLUMNS, ROW_WIDTH, STEP_COLUMNS, AidRows, Event, LaneRows, SampleBlock
+from server.nav.types import AID_COLUMNS, ROW_WIDTH, STEP_COLUMNS, AidRows, Event, LaneRows, SampleBlock, StageRows
 
 
 class Part:
@@ -16,6 +16,7 @@ class Part:
         self.filtered = np.empty((0, len(STEP_COLUMNS)))
         self.results: list[LaneResult] = []
         self.events: list[Event] = []
+        self.stages: tuple[StageRows, ...] = ()
 
 
 def join(rows: list[LaneRows]) -> LaneRows | None:
@@ -36,6 +37,22 @@ def join_aids(rows: list[AidRows]) -> AidRows:
     if not rows:
         return AidRows(t_ns=np.empty(0, dtype=np.int64), data=np.empty((0, len(AID_COLUMNS))))
     return AidRows(t_ns=np.concatenate([r.t_ns for r in rows]), data=np.concatenate([r.data for r in rows]))
+
+
+def join_stages(parts: list[tuple[StageRows, ...]]) -> tuple[StageRows, ...]:
+    """Return the stages of one call, each sensor's as one table."""
+    found: dict[str, list[StageRows]] = {}
+    for part in parts:
+        for rows in part:
+            found.setdefault(rows.sensor, []).append(rows)
+    return tuple(
+        rows[0]
+        if len(rows) == 1
+        else StageRows(
+            sensor=sensor, t_ns=np.concatenate([r.t_ns for r in rows]), data=np.concatenate([r.data for r in rows])
+        )
+        for sensor, rows in found.items()
+    )
 
 
 def empty_block(boot_id: int) -> SampleBlock:

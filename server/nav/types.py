@@ -9,10 +9,13 @@ from __future__ import annotations
 from collections.abc import Mapping
 from dataclasses import dataclass, field
 from enum import IntEnum
-from typing import Final, Protocol
+from typing import TYPE_CHECKING, Final, Protocol
 
 import numpy as np
 from numpy.typing import NDArray
+
+if TYPE_CHECKING:
+    from server.nav.calibration.applied import Calibration  # which is written in this module's words
 
 Float = NDArray[np.float64]
 Int = NDArray[np.int64]
@@ -280,6 +283,34 @@ class FilteredRows:
     data: Float
 
 
+def _stages(unit: str, axes: tuple[str, ...]) -> tuple[str, ...]:
+    return tuple(f"{stage}{axis}_{unit}" for stage in ("calibrated", "limited", "filtered") for axis in axes)
+
+
+STAGE_COLUMNS: Final[dict[str, tuple[str, ...]]] = {
+    "gyro": _stages("rad_s", ("_x", "_y", "_z")),
+    "accel": _stages("m_s2", ("_x", "_y", "_z")),
+    "mag": _stages("gauss", ("_x", "_y", "_z")),
+    "baro": _stages("m", ("",)),
+    "airspeed": (*_stages("pa", ("",)), "airspeed_m_s"),  # pressures NaN where the board sends only a speed
+}
+
+
+@dataclass(frozen=True, slots=True, kw_only=True, eq=False)
+class StageRows:
+    """One sensor on its way through the preprocessing, one row per believed sample; only while its chain is on.
+
+    Attributes:
+        sensor: key of `STAGE_COLUMNS`.
+        t_ns: shape (n,), the samples' own stamps: what is filtered was valid earlier by the chain's delay.
+        data: shape (n, len(STAGE_COLUMNS[sensor])), body FRD.
+    """
+
+    sensor: str
+    t_ns: Int
+    data: Float
+
+
 @dataclass(frozen=True, slots=True, kw_only=True)
 class Event:
     """Something a person should be able to read later: an alignment, a reset with its size, a scale found.
@@ -309,6 +340,7 @@ class StepResult:
     aids: AidRows
     filtered: FilteredRows
     events: tuple[Event, ...]
+    stages: tuple[StageRows, ...] = ()
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
@@ -323,6 +355,7 @@ class SensorHealth:
         refused: (reason, count) of samples that were not believed.
         scale: factor applied to the reported values (1 unless found otherwise).
         note: a code the page translates, "" when all is well (e.g. "mag-scale-corrected").
+        clipped: samples that stood at the end of the sensor's range; they are used.
     """
 
     name: str
@@ -333,6 +366,7 @@ class SensorHealth:
     refused: tuple[tuple[str, int], ...]
     scale: float = 1.0
     note: str = ""
+    clipped: int = 0
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
@@ -416,7 +450,7 @@ class ToldDelay:
 
     Attributes:
         name: "imu", "mag", "gnss" or "baro".
-        source: "settings" or "board" (what the protocol knows of this kind of board).
+        source: "settings", "board" (what the protocol knows of this kind of board) or "filter" (our own chain's).
     """
 
     name: str
@@ -452,6 +486,9 @@ class Snapshot:
     delays: tuple[DelayState, ...] = ()  # found on line; () when all were told
     told_delays: tuple[ToldDelay, ...] = ()  # those that nobody told are missing
     consistency: tuple[ConsistencyHealth, ...] = ()  # the main lane's: groups with a reference, then "lane"
+    filter_delays: tuple[
+        ToldDelay, ...
+    ] = ()  # what the chain's filters add, by sensor: "imu", "mag", "baro", "airspeed"
 
 
 class FieldModel(Protocol):
@@ -479,6 +516,8 @@ class EngineSettings:
         use_*: aids on or off.
         gnss_withheld_s: intervals [a, b) in seconds after `t_origin_ns` whose GNSS (by time of validity) is withheld.
         t_origin_ns: origin of those intervals; -1 = the first sample the engine sees.
+        calibration: in force from the first sample on; None = none.
+        chain: sensor → parameter → value, for what differs from the chain's defaults (`preprocess.chain_parameters`).
     """
 
     nav_rate_hz: float = 50.0
@@ -504,3 +543,5 @@ class EngineSettings:
     use_airspeed: bool = True
     gnss_withheld_s: tuple[tuple[float, float], ...] = field(default=())
     t_origin_ns: int = -1
+    calibration: Calibration | None = None
+    chain: Mapping[str, Mapping[str, float]] = field(default_factory=dict)

@@ -4,15 +4,19 @@ from __future__ import annotations
 
 import contextlib
 import os
+import queue
 import select
 import threading
 import time
 import tty
 from collections import deque
+from concurrent.futures import Future
+from dataclasses import replace
 from typing import Final
 
 from server.sim.settings import SimSettings
 from server.sim.stream import ONLY_HEARTBEAT, SimStream
+from server.simulator import Command, DropLink, SimulatorState
 
 BATCH_S: Final = 0.004
 """Bytes leave at least this far apart: a wake-up costs more than what it sends."""
@@ -23,6 +27,8 @@ BUFFER_BYTES: Final = 65536
 MAX_LAG_S: Final = 1.0
 """A host that stalls longer than this has stopped the board's clock too: nothing is sent in a hurry afterwards."""
 
+_Question = tuple[Command | None, Future[SimulatorState]]
+
 
 class SimBoard:
     """A demo board behind a port of its own; one thread, paced by the monotonic clock, never stuck on its reader."""
@@ -32,6 +38,8 @@ class SimBoard:
         self._stopping = threading.Event()
         self._thread: threading.Thread | None = None
         self._port = _Port()
+        self._asked: queue.SimpleQueue[_Question] = queue.SimpleQueue()
+        self._mute_until_ns = 0
         self.path = ""
 
     @property
@@ -62,6 +70,42 @@ class SimBoard:
         self._thread.join()
         self._thread = None
         self._port.close()
+        self._answer(None, 0)
+
+    def ask(self, command: Command | None = None) -> Future[SimulatorState]:
+        """Have the board's own thread carry a command out, or None; the answer is its state then.
+
+        The future ends with `ValueError` for what this board cannot do, with `ConnectionError` when it does not run.
+        """
+        answer: Future[SimulatorState] = Future()
+        self._asked.put((command, answer))
+        if self._thread is None or not self._thread.is_alive():
+            self._answer(None, 0)
+        return answer
+
+    def _answer(self, stream: SimStream | None, board_ns: int) -> None:
+        """Answer everything that was asked; without a stream there is no board any more."""
+        while True:
+            try:
+                command, answer = self._asked.get_nowait()
+            except queue.Empty:
+                return
+            if not answer.set_running_or_notify_cancel():
+                continue
+            try:
+                answer.set_result(self._carried_out(stream, command, board_ns))
+            except (ValueError, ConnectionError) as error:
+                answer.set_exception(error)
+
+    def _carried_out(self, stream: SimStream | None, command: Command | None, board_ns: int) -> SimulatorState:
+        if stream is None:
+            raise ConnectionError("the demo board does not run")
+        if isinstance(command, DropLink):
+            self._mute_until_ns = time.monotonic_ns() + round(command.duration_s * 1e9)
+        elif command is not None:
+            stream.control(command)
+        back_s = max(self._mute_until_ns - time.monotonic_ns(), 0) * 1e-9
+        return replace(stream.state(board_ns), link_back_s=back_s)
 
     def _live(self) -> None:
         stream = SimStream(self._settings, ONLY_HEARTBEAT)
@@ -72,10 +116,13 @@ class SimBoard:
             start_ns += max(now_ns - last_ns - round(MAX_LAG_S * 1e9), 0)
             last_ns = now_ns
             board_ns = round((now_ns - start_ns) * speed)
+            self._answer(stream, board_ns)
             request = self._port.read()
-            if request:
+            heard = now_ns >= self._mute_until_ns
+            if request and heard:
                 stream.receive(request, board_ns)
-            self._port.write(stream.advance(board_ns))
+            frames = stream.advance(board_ns)
+            self._port.write(frames if heard else [])
             wait_s = (stream.next_due_ns - board_ns) * 1e-9 / speed
             self._port.wait(min(max(wait_s, BATCH_S), IDLE_S))
 

@@ -54,14 +54,20 @@ def heartbeat(scene: Scene, tick: Int) -> list[bytes]:
     """HEARTBEAT of an ArduPilot quadrotor in its automatic mode."""
     out = []
     for t_ms in tick.tolist():
-        phase_s = (t_ms * 1e-3) % PERIOD_S
-        armed = ARMED_FROM_S <= phase_s < ARMED_UNTIL_S
+        armed = _armed(t_ms, scene.block.flight_from_ms)
         mode = dialect.MAV_MODE_FLAG_CUSTOM_MODE_ENABLED | dialect.MAV_MODE_FLAG_STABILIZE_ENABLED
         mode |= dialect.MAV_MODE_FLAG_SAFETY_ARMED if armed else 0
         status = dialect.MAV_STATE_ACTIVE if armed else dialect.MAV_STATE_STANDBY
         kind, pilot = dialect.MAV_TYPE_QUADROTOR, dialect.MAV_AUTOPILOT_ARDUPILOTMEGA
         out.append(wire.HEARTBEAT.payload(dialect.COPTER_MODE_AUTO, kind, pilot, mode, status, 3))
     return out
+
+
+def _armed(t_ms: int, flight_from_ms: int | None) -> bool:
+    if flight_from_ms is None:
+        return False
+    phase_s = ((t_ms - flight_from_ms) * 1e-3) % PERIOD_S
+    return ARMED_FROM_S <= phase_s < ARMED_UNTIL_S
 
 
 def highres_imu(scene: Scene, tick: Int) -> list[bytes]:
@@ -141,10 +147,15 @@ def _gps_raw_int(fix: gnss.Fix) -> bytes:
 
 
 def scaled_pressure(scene: Scene, tick: Int) -> list[bytes]:
-    """SCALED_PRESSURE: hPa and hundredths of °C."""
-    hpa = (scene.block.baro_pa[scene.rows(tick) // SLOW] * 1e-2).tolist()
+    """SCALED_PRESSURE: hPa and hundredths of °C; zeros for the pressure tube that is not there."""
+    row = scene.rows(tick) // SLOW
+    hpa = (scene.block.baro_pa[row] * 1e-2).tolist()
     warm = round(scene.block.temperature_degc * 100.0)
-    return [wire.SCALED_PRESSURE.payload(t, p, 0.0, warm, 0) for t, p in zip(tick.tolist(), hpa, strict=True)]
+    diff_pa = scene.block.diff_pa
+    diff_hpa = [0.0] * len(hpa) if diff_pa is None else (diff_pa[row] * 1e-2).tolist()
+    tube = 0 if diff_pa is None else warm
+    table = zip(tick.tolist(), hpa, diff_hpa, strict=True)
+    return [wire.SCALED_PRESSURE.payload(t, p, d, warm, tube) for t, p, d in table]
 
 
 def system_time(scene: Scene, tick: Int) -> list[bytes]:
@@ -157,15 +168,12 @@ def system_time(scene: Scene, tick: Int) -> list[bytes]:
 def sys_status(scene: Scene, tick: Int) -> list[bytes]:
     """SYS_STATUS: the GPS bit of the health falls without a fix; the battery lasts 20 minutes, then is full again."""
     lost = 0 if scene.block.fixes[0].fix_type >= 3 else dialect.MAV_SYS_STATUS_SENSOR_GPS
+    has = SENSORS if scene.block.diff_pa is None else SENSORS | dialect.MAV_SYS_STATUS_SENSOR_DIFFERENTIAL_PRESSURE
     out = []
     for t_ms in tick.tolist():
         left = 1.0 - 0.8 * ((t_ms * 1e-3) % 1200.0) / 1200.0
         battery = (round(14000 + 2800 * left), 1800)
-        out.append(
-            wire.SYS_STATUS.payload(
-                SENSORS, SENSORS, SENSORS & ~lost, 250, *battery, *[0] * 6, round(100 * left), 0, 0, 0
-            )
-        )
+        out.append(wire.SYS_STATUS.payload(has, has, has & ~lost, 250, *battery, *[0] * 6, round(100 * left), 0, 0, 0))
     return out
 
 

@@ -15,10 +15,13 @@ import numpy as np
 from server.magnetic import wmm_field
 from server.nav.types import Float
 from server.sim import earth
+from server.sim.errors import RawErrors, raw_errors
 from server.sim.gnss import Fix, Receiver
 from server.sim.noise import GaussMarkov, LowPass, quantised
+from server.sim.pitot import Pitot
 from server.sim.settings import SimSettings
-from server.sim.truth import TICK_S, FlightTruth, TruthState, imu_between
+from server.sim.stage import Stage
+from server.sim.truth import TICK_S, TruthState, imu_between
 
 BLOCK: Final = 200
 """Ticks of 1 ms produced at a time: one GNSS epoch, two magnetometer and two baro samples."""
@@ -77,6 +80,8 @@ class SensorBlock:
         fixes: GNSS solution in force from `first_tick`, and the one that arrives in this block.
         gyro_bias_rad_s, accel_bias_m_s2: shape (3,), in force in this block.
         temperature_degc: of the IMU and the baro.
+        flight_from_ms: board time at which the present flight began; None while the board is in the hand.
+        diff_pa: shape (3,), differential pressure in force as the baro's; None without a pressure tube.
     """
 
     first_tick: int
@@ -89,6 +94,8 @@ class SensorBlock:
     gyro_bias_rad_s: Float
     accel_bias_m_s2: Float
     temperature_degc: float
+    flight_from_ms: int | None = 0
+    diff_pa: Float | None = None
 
 
 class Sensors:
@@ -97,7 +104,6 @@ class Sensors:
     def __init__(self, settings: SimSettings) -> None:
         noise = settings.noise
         self._noise = noise
-        self._truth = FlightTruth(settings)
         self._imu_rng, own, slow, gnss = np.random.default_rng([settings.seed, 2]).spawn(4)
         self._slow_rng = slow
         self._mix_gyro = _misalignment(own, noise)
@@ -109,6 +115,11 @@ class Sensors:
         direction = own.standard_normal(3)
         self._iron = noise * HARD_IRON_GAUSS * direction / np.linalg.norm(direction)
         self._field_n, _ = wmm_field(earth.SITE_LAT_DEG, earth.SITE_LON_DEG, earth.SITE_ALT_M, START_YEAR)
+        self.stage = Stage(settings, self._field_n)
+        self._raw: RawErrors | None = None
+        self._pitot: Pitot | None = None
+        if settings.errors == "raw":
+            self._leave_raw(settings)
         self._baro_drift = GaussMarkov(slow, np.array([noise * BARO_DRIFT_M]), BARO_DRIFT_S, BLOCK_S)
         self._low_pass = LowPass(IMU_DELAY_S - 0.5 * TICK_S, 3, TICK_S)
         self._receiver = Receiver(gnss, settings)
@@ -121,12 +132,30 @@ class Sensors:
         """The receiver's slow position error now, NED, shape (3,)."""
         return self._receiver.wander_n_m
 
+    @property
+    def truth_errors(self) -> RawErrors:
+        """What this board's sensors err by at the present temperature, all in one; what a calibration should find."""
+        raw = self._raw or RawErrors()
+        warm = self._warm_k(self._tick) * self._per_k
+        unmount = raw.R_bs.T
+        return RawErrors(
+            gyro_matrix=(unmount @ self._mix_gyro).T,
+            gyro_offset=self._gyro_bias + warm[0],
+            accel_matrix=(unmount @ self._mix_accel).T,
+            accel_offset=self._accel_bias + warm[1],
+            mag_matrix=raw.mag_matrix,
+            mag_offset=raw.mag_offset + self._iron,
+            R_bs=raw.R_bs,
+            diff_pressure_pa=raw.diff_pressure_pa,
+            baro_pa=raw.baro_pa,
+        )
+
     def step(self) -> SensorBlock:
         """Return the next 200 ms."""
         first = self._tick
         self._tick += BLOCK
-        state = self._truth.at(np.arange(first, first + BLOCK + 1, dtype=np.float64) * TICK_S)
-        warm_k = (WARM_DEGC - COLD_DEGC) * (1.0 - math.exp(-first * TICK_S / WARM_UP_S))
+        state = self.stage.step(first, BLOCK)
+        warm_k = self._warm_k(first)
         bias = np.stack([self._gyro_bias, self._accel_bias]) + warm_k * self._per_k
         true = np.concatenate(imu_between(state), axis=1)
         block = SensorBlock(
@@ -140,6 +169,8 @@ class Sensors:
             gyro_bias_rad_s=bias[0],
             accel_bias_m_s2=bias[1],
             temperature_degc=COLD_DEGC + warm_k,
+            flight_from_ms=self.stage.flight_from_ms,
+            diff_pa=self._pitot.step(state, self.stage.is_wind_on_pitot) if self._pitot is not None else None,
         )
         self._walk()
         return block
@@ -159,7 +190,12 @@ class Sensors:
 
     def _magnetometer(self, state: TruthState) -> Float:
         """Return the values in force at the block's start, middle and end."""
-        fresh = np.vecmat(self._field_n, state.R_nb[SLOW - MAG_LATE :: SLOW])
+        field_n = self._field_n + self.stage.room_n_gauss if self.stage.room_n_gauss else self._field_n
+        fresh = np.vecmat(field_n, state.R_nb[SLOW - MAG_LATE :: SLOW])
+        if self.stage.magnet_b_gauss:
+            fresh = fresh + self.stage.magnet_b_gauss
+        if self._raw is not None:
+            fresh = fresh @ (self._raw.mag_matrix @ self._raw.R_bs.T).T + self._raw.mag_offset
         fresh = fresh + self._iron + self._noise * MAG_NOISE_GAUSS * self._slow_rng.standard_normal(fresh.shape)
         values = np.concatenate([fresh[:1] if self._mag is None else self._mag, fresh])
         self._mag = values[-1:]
@@ -170,9 +206,24 @@ class Sensors:
         error = self._baro_drift.step() + self._noise * BARO_NOISE_M * self._slow_rng.standard_normal(2)
         height = earth.SITE_ALT_M + WEATHER_M - state.pos_n_m[SLOW::SLOW, 2]
         fresh = earth.pressure_pa(height + error)
+        if self._raw is not None:
+            fresh = fresh + self._raw.baro_pa
         values = np.concatenate([fresh[:1] if self._baro is None else self._baro, fresh])
         self._baro = values[-1:]
         return values
+
+    def _leave_raw(self, settings: SimSettings) -> None:
+        """Put the factory's errors on top of those of a cared-for board; rows times a mix, hence the transposes."""
+        self._raw = raw = raw_errors(settings.seed)
+        self._mix_gyro = raw.R_bs @ self._mix_gyro @ raw.gyro_matrix.T
+        self._mix_accel = raw.R_bs @ self._mix_accel @ raw.accel_matrix.T
+        self._gyro_bias = self._gyro_bias + raw.gyro_offset
+        self._accel_bias = self._accel_bias + raw.accel_offset
+        self._pitot = Pitot(np.random.default_rng([settings.seed, 5]), settings.noise, raw.diff_pressure_pa)
+
+    @staticmethod
+    def _warm_k(tick: int) -> float:
+        return (WARM_DEGC - COLD_DEGC) * (1.0 - math.exp(-tick * TICK_S / WARM_UP_S))
 
     def _walk(self) -> None:
         step = self._noise * math.sqrt(BLOCK_S) * self._imu_rng.standard_normal((2, 3))

@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import math
 from dataclasses import dataclass
-from typing import Final
+from typing import Final, Literal
 from urllib.parse import parse_qsl, urlsplit
 
 EXAMPLE: Final = "sim:?seed=3&wind=4&outage=60:85"
@@ -22,6 +22,8 @@ class SimSettings:
         rate_hz: fastest rate the board grants any message; whole milliseconds, so 333 is every 3 ms.
         noise: factor on every sensor error. 0 is a board of ideal sensors (delays and the wire's resolution stay): for
             calculations only, since as a link it would look broken, its readings never changing at rest.
+        errors: "raw" = the sensors err as they left the factory, worth calibrating (`server.sim.errors`), and there is
+            a pressure tube; "calibrated" = they err as on a board that somebody took care of.
         rtk: the receiver has a carrier-phase solution (fix_type 6, 1 cm) instead of a plain one (fix_type 3, 0.4 m).
     """
 
@@ -32,6 +34,7 @@ class SimSettings:
     rate_hz: float = 333.0
     noise: float = 1.0
     rtk: bool = False
+    errors: Literal["calibrated", "raw"] = "calibrated"
 
     @property
     def shortest_interval_ms(self) -> int:
@@ -47,7 +50,7 @@ LIMITS: Final[dict[str, tuple[str, float, float, str]]] = {
 }
 """URL option: (field of `SimSettings`, least, greatest, unit)."""
 
-OPTIONS: Final = ("seed", *LIMITS, "outage", "rtk")
+OPTIONS: Final = ("seed", *LIMITS, "outage", "rtk", "errors")
 
 
 def sim_settings(url: str) -> SimSettings:
@@ -73,7 +76,11 @@ def sim_settings(url: str) -> SimSettings:
     return SimSettings(outages_s=tuple(sorted(outages)), **values)  # type: ignore[arg-type]
 
 
-def _option(key: str, text: str) -> tuple[str, float]:
+def _option(key: str, text: str) -> tuple[str, float | str]:
+    if key == "errors":
+        if text not in {"calibrated", "raw"}:
+            raise ValueError(f"sim: errors={text!r} is neither calibrated nor raw; write errors=raw to calibrate it")
+        return key, text
     if key == "rtk":
         if text not in {"0", "1"}:
             raise ValueError(f"sim: rtk={text!r} is neither 0 nor 1; write rtk=1 for a centimetre receiver")

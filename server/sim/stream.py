@@ -9,11 +9,13 @@ from typing import Final
 import numpy as np
 
 from server.sim import wire
+from server.sim.errors import RawErrors
 from server.sim.messages import FLIGHT_TEXTS, STREAMS, Scene
 from server.sim.onboard import Onboard
 from server.sim.path import PERIOD_S
 from server.sim.sensors import BLOCK, Sensors
 from server.sim.settings import SimSettings
+from server.simulator import Command, SimulatorState
 
 TICK_NS: Final = 1_000_000
 ONLY_HEARTBEAT: Final[dict[int, float]] = {wire.HEARTBEAT.id: 1.0}
@@ -58,6 +60,23 @@ class SimStream:
             else:
                 result = self._set_interval(request)
                 self._acknowledge(wire.SET_MESSAGE_INTERVAL, result, request.asker)
+
+    def control(self, command: Command) -> None:
+        """Turn the board, or what is around it; it takes effect within `BLOCK` ticks.
+
+        Raises:
+            ValueError: this board cannot do it; the text says why and what to do.
+        """
+        self._sensors.stage.take(command)
+
+    def state(self, t_ns: int) -> SimulatorState:
+        """Return what the board does at board time `t_ns`."""
+        return self._sensors.stage.state(t_ns * 1e-9)
+
+    @property
+    def truth_errors(self) -> RawErrors:
+        """What this board's sensors err by; what a calibration should find."""
+        return self._sensors.truth_errors
 
     def advance(self, t_ns: int) -> list[bytes]:
         """Return every frame due up to and including board time `t_ns`, in order."""
@@ -111,9 +130,10 @@ class SimStream:
         self._due = deque((tick, message, payload) for tick, _, message, payload in due)
 
     def _texts(self, first: int, last: int) -> list[tuple[int, int, wire.Message, bytes]]:
-        if not self._talking:
+        begun = self._scene.block.flight_from_ms
+        if not self._talking or begun is None:
             return []
-        at = ((tick, FLIGHT_TEXTS.get(tick % (PERIOD_S * 1000))) for tick in range(first, last + 1))
+        at = ((tick, FLIGHT_TEXTS.get((tick - begun) % (PERIOD_S * 1000))) for tick in range(first, last + 1))
         order = len(STREAMS)
         return [(tick, order, wire.STATUSTEXT, _text_payload(text)) for tick, text in at if text is not None]
 

@@ -45,6 +45,11 @@ class BoardFeed(Protocol):
         """The lane chosen as the main one; it may have no position, or not run yet."""
         ...
 
+    @property
+    def mag_scale(self) -> float:
+        """Factor from the board's magnetic field to gauss; 0 while it is not known."""
+        ...
+
     def snapshot(self) -> Snapshot | None:
         """The newest state of every lane; None before the first."""
         ...

@@ -7,6 +7,7 @@
     board: query.get("board") || "",
     camera: CONFIG.cameras[query.get("camera")] ? query.get("camera") : "chase",
     color: CONFIG.colors.includes(query.get("color")) ? query.get("color") : "speed",
+    scene: query.get("scene") === "calibration" ? "calibration" : "flight",
     theme: query.has("darkMode") ? "dark" : query.get("theme") === "dark" ? "dark" : "light",
   };
 
@@ -14,7 +15,7 @@
   Document.prototype.hasFocus = () => true;
 
   // The first frame already looks the right way.
-  const start = CONFIG.cameras[wishes.camera];
+  const start = wishes.scene === "calibration" ? CONFIG.studio : CONFIG.cameras[wishes.camera];
   const set = (name, value) => query.has(name) || query.set(name, value);
   set("initialCameraPosition", start.position.join(","));
   set("initialCameraLookAt", start.target.join(","));
@@ -54,11 +55,11 @@
 
   const obey = (wanted) => {
     const changed = {};
-    for (const key of ["board", "camera", "color", "theme"])
+    for (const key of ["board", "camera", "color", "theme", "scene"])
       if (typeof wanted[key] === "string") changed[key] = wishes[key] = wanted[key];
     if (wanted.fit === true) {
       changed.fit = true;
-      wishes.camera = "free";
+      if (wishes.scene === "flight") wishes.camera = "free";
     }
     paint();
     command(changed);
@@ -78,7 +79,7 @@
     "keydown",
     (event) => {
       if (event.ctrlKey || event.metaKey) event.stopImmediatePropagation();
-      else if (keys[event.key]) {
+      else if (keys[event.key] && (wishes.scene === "flight" || keys[event.key].fit)) {
         obey(keys[event.key]);
         tell();
       }

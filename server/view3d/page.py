@@ -12,6 +12,7 @@ from typing import Final
 from server.view3d import palette
 from server.view3d.camera import FAR_M, FOV_RAD, NEAR_M, PLAIN_SPAN_M, Camera, place_m
 from server.view3d.paths import PathColour
+from server.view3d.studio_layout import PLAIN_ASPECT, camera_place
 
 SOCKET_PATH: Final = "/view"
 CSP: Final = (
@@ -53,8 +54,10 @@ def _injection() -> str:
 
 def _config() -> dict[str, object]:
     places = {camera: place_m(camera, PLAIN_SPAN_M) for camera in Camera}
+    studio = camera_place(1, PLAIN_ASPECT)
     return {
         "cameras": {camera: {"position": position, "target": target} for camera, (position, target) in places.items()},
+        "studio": {"position": studio[0], "target": studio[1]},
         "colors": list(PathColour),
         "fov": round(FOV_RAD, 5),
         "near": NEAR_M,

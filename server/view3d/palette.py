@@ -86,6 +86,18 @@ GLASS_RGB: Final[Rgb] = (120, 190, 235)
 PORT_RGB: Final[Rgb] = (225, 50, 50)
 STARBOARD_RGB: Final[Rgb] = (40, 185, 90)
 
+FACE_DONE_RGB: Final[Rgb] = (30, 160, 90)
+FACE_NEXT_RGB: Final[Rgb] = (245, 165, 20)
+FACE_MISSING_RGB: Final[Rgb] = (135, 145, 158)
+FACE_TICK_RGB: Final[Rgb] = (250, 252, 255)
+GHOST_RGB: Final[Rgb] = (70, 190, 230)
+
+POINT_RGB: Final[dict[str, Rgb]] = {"dark": (120, 200, 255), "light": (20, 80, 160)}
+GLOBE_RGB: Final[dict[str, Rgb]] = {"dark": (120, 160, 200), "light": (70, 105, 150)}
+OFFSET_RGB: Final[dict[str, Rgb]] = {"dark": (235, 110, 200), "light": (160, 20, 140)}
+RESIDUAL_RGB: Final[tuple[Rgb, ...]] = ((30, 140, 235), (120, 150, 180), (250, 120, 20), (225, 40, 30))
+"""Stops from a point on the fitted surface to one that is far from it: blue to orange, which colour-blind eyes part."""
+
 SKY_CSS: Final[dict[str, str]] = {
     "dark": "linear-gradient(#0d1725 0%, #1b2d44 34%, #34495f 50%, #2b3744 100%)",
     "light": "linear-gradient(#7fb2e0 0%, #bcd9f0 34%, #e9f2f8 50%, #dfe6e4 100%)",
@@ -109,7 +121,16 @@ def scale_rgb(fraction: Float) -> NDArray[np.uint8]:
     Returns:
         Shape (n, 3), uint8.
     """
-    stops = np.array(SCALE_RGB, dtype=np.float64)
+    return _between(SCALE_RGB, fraction)
+
+
+def residual_rgb(fraction: Float) -> NDArray[np.uint8]:
+    """Return colours, shape (n, 3), for residuals, shape (n,): 0 on the fitted surface, 1 far from it, clipped."""
+    return _between(RESIDUAL_RGB, fraction)
+
+
+def _between(colours: tuple[Rgb, ...], fraction: Float) -> NDArray[np.uint8]:
+    stops = np.array(colours, dtype=np.float64)
     at = np.clip(np.nan_to_num(fraction), 0.0, 1.0) * (len(stops) - 1)
     places = np.arange(len(stops), dtype=np.float64)
     return np.stack([np.interp(at, places, stops[:, i]) for i in range(3)], axis=1).astype(np.uint8)

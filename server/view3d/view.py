@@ -24,6 +24,8 @@ from server.view3d.viewer import ViewCommand, Viewer, Wishes
 if TYPE_CHECKING:
     import viser
 
+    from server.calibration.scene import CalibrationScene
+
 log = logging.getLogger("navdeck.view3d")
 SAMPLE_S: Final = 0.2
 SAMPLES_UNWATCHED: Final = 2  # a board nobody looks at is read every so many samples
@@ -44,9 +46,11 @@ class View3D:
         self,
         boards: Callable[[], Sequence[BoardFeed]],
         vehicle_of: Callable[[str], VehicleClass] = _unknown_class,
+        scene_of: Callable[[str], CalibrationScene | None] | None = None,
     ) -> None:
         self._boards = boards
         self._vehicle_of = vehicle_of
+        self._scene_of = scene_of
         self._server: viser.ViserServer | None = None
         self._tracks: dict[str, Track] = {}
         self._stages: dict[str, tuple[Stage, asyncio.Task[None]]] = {}
@@ -134,7 +138,7 @@ class View3D:
             track, snapshot = self._tracks.setdefault(board.id, Track()), board.snapshot()
             if snapshot is not None:
                 track.take(snapshot)  # so that who looks sees the vehicle at once
-            stage = Stage(board, track, self._vehicle_of(board.id))
+            stage = Stage(board, track, self._vehicle_of(board.id), self._scene_of)
             self._stages[board.id] = (stage, self._spawn(stage.run()))
         stage = self._stages[board.id][0]
         stage.viewers.add(viewer)

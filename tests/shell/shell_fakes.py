@@ -22,6 +22,7 @@ from server.board import BoardParts
 from server.commands import AddBoard
 from server.link.base import Chunk, LinkState, LinkStatus
 from server.listener import listening_socket
+from server.nav.calibration.applied import Calibration
 from server.nav.lanes.base import Parameter
 from server.nav.lanes.registry import LaneInfo
 from server.nav.types import (
@@ -174,6 +175,9 @@ class FakeEngine:
     def set_lane_parameters(self, lane: str, values: Mapping[str, float]) -> None:
         self.values[lane] |= values
         self.failures.pop(lane, None)
+
+    def set_calibration(self, calibration: Calibration) -> None:
+        self.calibration = calibration
 
     def _estimating(self) -> list[str]:
         return [name for name in ESTIMATING if name in self.chosen and name not in self.failures]

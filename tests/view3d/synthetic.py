@@ -19,6 +19,7 @@ from fastapi import FastAPI
 from websockets.asyncio.client import ClientConnection, connect
 from websockets.typing import Subprotocol
 
+from server.calibration.scene import CalibrationScene
 from server.hub import Hub
 from server.nav.lanes.base import Provides
 from server.nav.rotation import quat_from_euler
@@ -149,6 +150,7 @@ class SyntheticBoard:
     """Lanes beside the three that tell the attitude alone."""
     off: frozenset[str] = frozenset()
     main_lane: str = "ins_ekf"
+    mag_scale: float = 1.0
 
     def snapshot(self) -> Snapshot | None:
         self.snapshots += 1
@@ -192,10 +194,13 @@ class Served:
 
 @contextmanager
 def served(
-    boards: list[SyntheticBoard], kind: VehicleClass = VehicleClass.MULTIROTOR, fly: bool = True
+    boards: list[SyntheticBoard],
+    kind: VehicleClass = VehicleClass.MULTIROTOR,
+    fly: bool = True,
+    scene_of: Callable[[str], CalibrationScene | None] | None = None,
 ) -> Iterator[Served]:
     """Serve boards until the block ends."""
-    view = View3D(lambda: boards, lambda _board_id: kind)
+    view = View3D(lambda: boards, lambda _board_id: kind, scene_of)
     app = FastAPI()
     app.include_router(router(view))
     listener = socket.socket()

@@ -23,6 +23,7 @@ from server.nav.lanes.registry import (
     parameters_of,
     provides_of,
 )
+from server.nav.preprocess.rebase import Rebase
 from server.nav.types import LANE_COLUMNS, DelayState, EngineSettings, Event, Float, Int, LaneRows, Site
 
 STATUS: Final = LANE_COLUMNS.index("status")
@@ -82,6 +83,19 @@ class LaneBank:
 
     def _for(self, name: str, context: LaneContext) -> LaneContext:
         return replace(context, values=dict(self._values[name]))
+
+    def restart(self) -> None:
+        """Start every running lane anew: the body frame has turned, and nothing of their states holds any more."""
+        self._running = {}
+        if self._context is not None:
+            self.start(self._context)
+
+    def rebase(self, change: Rebase) -> None:
+        """Tell the lanes that keep biases that the calibration has changed; the others find out by themselves."""
+        for name, lane in list(self._running.items()):
+            method = getattr(lane, "rebase", None)
+            if method is not None:
+                self._try(name, method, change)
 
     def choose(self, names: tuple[str, ...]) -> None:
         """Run these lanes from the next step on: those that run go on, new ones start from nothing.

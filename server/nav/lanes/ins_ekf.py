@@ -20,6 +20,8 @@ from server.nav.lanes.base import LaneContext, LaneResult, Parameter, Provides
 from server.nav.lanes.ins_ekf_attitude import SIGMA, AttitudeMode
 from server.nav.lanes.ins_ekf_events import event
 from server.nav.lanes.ins_ekf_parameters import PARAMETERS, kernel_parameters
+from server.nav.lanes.ins_ekf_rebase import rebase_attitude, rebase_filter
+from server.nav.preprocess.rebase import Rebase
 from server.nav.types import (
     AID_COLUMNS,
     LANE_COLUMNS,
@@ -117,6 +119,11 @@ class InsEkf:
             self._r_x[self._newest(), :X_SIZE], self._r_P[self._newest()] = self._x, self._P
             self._r_n[self._newest()] = 0  # they are in the state already
             ctl[at.C_VALID] = 1
+
+    def rebase(self, change: Rebase) -> None:
+        """Move biases, history and running means to another calibration: the solution goes on without a jump."""
+        rebase_filter(change, self._x, self._aux, self._ctl, self._r_u, self._r_x, self._r_m)
+        rebase_attitude(change, self._attitude.memory)
 
     def covariance(self) -> tuple[int, Float] | None:
         """Return (t_ns, P) of the newest row, P (9, 9): attitude rad, velocity m/s, position m, NED; None before.

@@ -55,6 +55,11 @@ class AttitudeMode:
             self._par[K_IMU_DELAY] = imu_s
         self._mag_delay_s = 0.0 if math.isnan(mag_s) else mag_s
 
+    @property
+    def memory(self) -> Float:
+        """The filter's memory, `ekf.attitude.layout`, for a change of calibration to be carried over."""
+        return self._s
+
     def set_site(self, site: Site) -> None:
         """Take gravity, the declination, and the usual strength and dip of the field."""
         self._s[S_GRAVITY] = site.gravity_m_s2

@@ -11,24 +11,12 @@ from __future__ import annotations
 import math
 from typing import Final
 
-from server.nav.codes import (
-    AIRSPEED,
-    BARO,
-    DMP,
-    FUSED,
-    GNSS,
-    IMU,
-    MAG,
-    REFUSED_ORDER,
-    REFUSED_RANGE,
-    REFUSED_REPEATED,
-)
+import numpy as np
+
+from server.nav.codes import AIRSPEED, DMP, IMU, MAG
 from server.nav.ekf.layout import (
     M_DATA,
-    M_KIND,
-    M_STATUS,
     M_STEP,
-    M_T,
     U_ACCEL,
     U_ACCEL_MEAN,
     U_COUNT,
@@ -43,13 +31,21 @@ from server.nav.ekf.layout import (
     U_VIBRATION,
 )
 from server.nav.kernel import kernel
-from server.nav.preprocess.check import check_baro, check_gnss, check_imu, check_mag
+from server.nav.preprocess.chain_layout import (
+    ACCEL,
+    B_UNITS,
+    G_USED,
+    GYRO,
+    K_CHANGED,
+    K_ON,
+    K_ROW,
+    K_SIZE,
+    block_at,
+)
+from server.nav.preprocess.chain_run import chain_imu
+from server.nav.preprocess.check import check_imu
 from server.nav.preprocess.memory import (
     N_GAPS,
-    N_ORDER,
-    N_RANGE,
-    N_REPEATED,
-    N_SAMPLES,
     NEVER_NS,
     S_ACCEL,
     S_ACCEL_SUM,
@@ -69,11 +65,13 @@ from server.nav.preprocess.memory import (
     S_TEMPERATURE,
     S_VIBRATION2,
 )
+from server.nav.preprocess.take_aid import take_aid
+from server.nav.preprocess.units import convert
 from server.nav.rotation import matrix_entries, quat_from_rotvec, quat_mul, rotvec_from_quat
 from server.nav.types import ROW_WIDTH, Byte, Float, Int
 
-FUTURE_NS: Final = 2e9
-"""An aid stamped this far after the newest IMU sample is not of the same clock."""
+GYRO_BLOCK: Final = block_at(GYRO)
+ACCEL_BLOCK: Final = block_at(ACCEL)
 BRIDGE_S: Final = 0.1
 """A hole between IMU samples longer than this is reported; the step that holds it carries its length."""
 VIBRATION_CUTOFF_RAD_S: Final = 2.0 * math.pi * 5.0  # autopilots high-pass the vibration measure at 5 Hz
@@ -123,11 +121,33 @@ def _close_step(t: float, s: Float, out: Float) -> None:
     s[S_T_START] = t
 
 
-@kernel("boolean(float64[::1], float64, float64, float64[::1], int64[:, ::1], float64[::1])")
-def _take_imu(row: Float, t: float, rate_hz: float, s: Float, n: Int, out: Float) -> bool:
+@kernel("void(float64[::1], float64[::1])")
+def _own_copy(raw: Float, c: Float) -> None:
+    """Put an IMU row where the chain may change it, in SI and body axes."""
+    row = c[K_ROW : K_ROW + ROW_WIDTH]
+    for i in range(ROW_WIDTH):
+        row[i] = raw[i]
+    if c[GYRO_BLOCK + B_UNITS] > 0.0:
+        convert(c, GYRO_BLOCK, row, 0)
+    if c[ACCEL_BLOCK + B_UNITS] > 0.0:
+        convert(c, ACCEL_BLOCK, row, 3)
+
+
+@kernel(
+    "boolean(float64[::1], float64, float64, float64[::1], int64[:, ::1], float64[::1], float64[::1], float64[::1])"
+)
+def _take_imu(raw: Float, t: float, rate_hz: float, s: Float, n: Int, c: Float, out: Float, stage: Float) -> bool:
     """Add an IMU sample; return True when it closed a step into `out`."""
-    if not check_imu(row, t, s, n):
+    row, on = raw, c[K_ON + GYRO] > 0.0
+    if on:
+        _own_copy(raw, c)
+        row = c[K_ROW : K_ROW + ROW_WIDTH]
+    if not check_imu(row, t, on, c, s, n):
         return False
+    if on:
+        chain_imu(c, t, row, stage)
+        if stage.shape[0] > 0:
+            stage[G_USED] = 1.0
     first = s[S_T_LAST] == NEVER_NS
     if first:
         s[S_T_START] = t
@@ -155,42 +175,27 @@ def _take_imu(row: Float, t: float, rate_hz: float, s: Float, n: Int, out: Float
     return True
 
 
-@kernel("void(int64, float64, float64[::1], int64[:, ::1], float64[::1])")
-def _take_aid(kind: int, t: float, s: Float, n: Int, out: Float) -> None:
-    """Check one measurement whose row is already copied into out[M_DATA:]."""
-    row = out[M_DATA:]
-    counters = n[kind]
-    status = FUSED
-    if kind == MAG:
-        status = check_mag(row, s, counters)
-    elif kind == GNSS:
-        status = check_gnss(row, counters)
-    elif kind == BARO:
-        status = check_baro(row, counters)
-    if s[S_T_LAST] > NEVER_NS and t > s[S_T_LAST] + FUTURE_NS:  # a stamp of another clock would poison the order
-        counters[N_RANGE] += 1
-        status = REFUSED_RANGE
-    elif t <= s[S_T_KIND + kind]:
-        repeated = t == s[S_T_KIND + kind]
-        counters[N_REPEATED if repeated else N_ORDER] += 1
-        status = REFUSED_REPEATED if repeated else REFUSED_ORDER
-    elif status == FUSED:
-        counters[N_SAMPLES] += 1
-        if s[S_T_KIND + kind] > NEVER_NS:
-            interval = (t - s[S_T_KIND + kind]) * 1e-9
-            s[S_RATE + kind] += (0.1 if s[S_RATE + kind] > 0.0 else 1.0) * (interval - s[S_RATE + kind])
-        s[S_T_KIND + kind] = t
-    out[M_KIND], out[M_T], out[M_STATUS] = kind, t, status
-
-
 @kernel(
-    "UniTuple(int64, 2)(uint8[::1], int64[::1], float64[:, ::1], int64, float64, float64[::1], int64[:, ::1],"
-    " float64[:, ::1], float64[:, ::1])"
+    "UniTuple(int64, 3)(uint8[::1], int64[::1], float64[:, ::1], int64, float64, float64[::1], int64[:, ::1],"
+    " float64[::1], float64[:, ::1], float64[:, ::1], float64[:, ::1])"
 )
-def accumulate(
-    kind: Byte, t_ns: Int, data: Float, t0_ns: int, rate_hz: float, s: Float, n: Int, steps: Float, meas: Float
-) -> tuple[int, int]:
-    """Consume samples in order; return how many navigation steps and measurements were written.
+def condition(
+    kind: Byte,
+    t_ns: Int,
+    data: Float,
+    t0_ns: int,
+    rate_hz: float,
+    s: Float,
+    n: Int,
+    c: Float,
+    steps: Float,
+    meas: Float,
+    stages: Float,
+) -> tuple[int, int, int]:
+    """Consume samples in order; return how many samples were consumed, navigation steps and measurements written.
+
+    It stops early after the sample at which the delay of the IMU's filters changed (c[K_CHANGED]): what follows is for
+    lanes that have been told.
 
     Args:
         kind: shape (n,), values of `Kind`.
@@ -200,15 +205,18 @@ def accumulate(
         rate_hz: navigation steps a second.
         s: shape (S_SIZE,), memory between calls.
         n: shape (KINDS, N_COUNTERS), counters between calls.
+        c: shape (K_SIZE,), the chain, `chain_layout`.
         steps: shape (≥ n, U_SIZE), written.
         meas: shape (≥ n, M_SIZE), written; M_STEP is the index of the step at whose end it is available, counted
             from the first step of this call.
+        stages: shape (n, G_SIZE), rows of samples that went through the chain are written; or (1, 0) for none.
     """
     n_steps = n_meas = 0
     for i in range(kind.shape[0]):
         t = float(t_ns[i] - t0_ns)
+        stage = stages[i] if stages.shape[1] > 0 else stages[0]
         if kind[i] == IMU:
-            if _take_imu(data[i], t, rate_hz, s, n, steps[n_steps]):
+            if _take_imu(data[i], t, rate_hz, s, n, c, steps[n_steps], stage):
                 n_steps += 1
             if s[S_T_LAST] != t:
                 continue  # refused: neither its rate nor its age counts
@@ -216,10 +224,24 @@ def accumulate(
                 interval = (t - s[S_T_KIND + IMU]) * 1e-9
                 s[S_RATE + IMU] += (0.01 if s[S_RATE + IMU] > 0.0 else 1.0) * (interval - s[S_RATE + IMU])
             s[S_T_KIND + IMU] = max(t, s[S_T_KIND + IMU])
+            if c[K_CHANGED] > 0.0:
+                return i + 1, n_steps, n_meas
         elif MAG <= kind[i] <= AIRSPEED or kind[i] == DMP:  # the rest is repeated by its lane, not fused
             for j in range(ROW_WIDTH):
                 meas[n_meas, M_DATA + j] = data[i, j]
-            _take_aid(int(kind[i]), t, s, n, meas[n_meas])
+            take_aid(int(kind[i]), t, s, n, c, meas[n_meas], stage)
             meas[n_meas, M_STEP] = n_steps
             n_meas += 1
+    return kind.shape[0], n_steps, n_meas
+
+
+NO_STAGES: Final = np.empty((1, 0))
+
+
+def accumulate(
+    kind: Byte, t_ns: Int, data: Float, t0_ns: int, rate_hz: float, s: Float, n: Int, steps: Float, meas: Float
+) -> tuple[int, int]:
+    """Return how many steps and measurements were written, as `condition` does, without a chain."""
+    c = np.zeros(K_SIZE)
+    _, n_steps, n_meas = condition(kind, t_ns, data, t0_ns, rate_hz, s, n, c, steps, meas, NO_STAGES)
     return n_steps, n_meas

@@ -20,7 +20,23 @@ from server.nav.constants import (
     ISA_PRESSURE_PA,
 )
 from server.nav.kernel import kernel
+from server.nav.preprocess.calibrate import calibrate_mag
+from server.nav.preprocess.chain_layout import (
+    ACCEL,
+    B_FULL_SCALE,
+    B_SIZE,
+    B_UNITS,
+    GYRO,
+    K_BLOCKS,
+    K_CLIP_ACCEL,
+    K_CLIP_GYRO,
+    K_ON,
+    MAG,
+    block_at,
+)
+from server.nav.preprocess.clipping import ACCEL_LEAST_M_S2, GYRO_LEAST_RAD_S, clipped
 from server.nav.preprocess.memory import (
+    N_CLIPPED,
     N_FIELD,
     N_NO_FIX,
     N_ORDER,
@@ -29,18 +45,24 @@ from server.nav.preprocess.memory import (
     N_SAMPLES,
     N_STUCK,
     NEVER_NS,
+    S_CLIP,
+    S_CLIP_NEAR,
     S_GYRO,
     S_LIVELY,
     S_MAG_BAD,
     S_MAG_GOOD,
     S_MAG_SCALE,
+    S_RAW,
     S_SAME,
+    S_T_CLIP,
     S_T_LAST,
 )
 from server.nav.types import Float, Int
 
 GYRO_LIMIT_RAD_S: Final = 80.0  # 4,500 °/s: past every MEMS gyro's full scale
 ACCEL_LIMIT_M_S2: Final = 640.0  # 65 g: past every MEMS accelerometer's full scale
+GYRO_BLOCK: Final = block_at(GYRO)
+ACCEL_BLOCK: Final = block_at(ACCEL)
 STUCK_S: Final = 0.5
 PROVEN_SAMPLES: Final = 50.0  # a scale that explained so many is right: what does not fit later is a magnet
 
@@ -71,39 +93,71 @@ def _finite(row: Float, n: int) -> bool:
     return True
 
 
-@kernel("int64(float64[::1], float64, float64[::1], int64[:, ::1])")
-def check_imu(row: Float, t: float, s: Float, n: Int) -> int:
-    """Return 1 when the sample may be used; count why not otherwise."""
-    counters = n[IMU]
-    ok = _finite(row, 6)
+@kernel("void(float64[::1], float64, float64[::1], float64[::1], int64[:, ::1])")
+def _count_clipped(row: Float, t: float, c: Float, s: Float, n: Int) -> None:
+    """Count an IMU sample of which an axis stands at the end of its range."""
+    gyro_scale, accel_scale = c[GYRO_BLOCK + B_FULL_SCALE], c[ACCEL_BLOCK + B_FULL_SCALE]
+    any_axis = False
     for i in range(3):
-        ok = ok and abs(row[i]) < GYRO_LIMIT_RAD_S and abs(row[3 + i]) < ACCEL_LIMIT_M_S2
-    if not ok:
+        any_axis |= clipped(row[i], gyro_scale, GYRO_LEAST_RAD_S, s, S_CLIP + 2 * i)
+        any_axis |= clipped(row[3 + i], accel_scale, ACCEL_LEAST_M_S2, s, S_CLIP + 6 + 2 * i)
+    s[S_CLIP_NEAR] = 0.0
+    for i in range(6):
+        s[S_CLIP_NEAR] += s[S_CLIP + 2 * i + 1]
+    if any_axis:
+        n[IMU, N_CLIPPED] += 1
+        s[S_T_CLIP] = t
+
+
+@kernel("int64(float64[::1], float64, boolean, float64[::1], float64[::1], int64[:, ::1])")
+def check_imu(row: Float, t: float, on: bool, c: Float, s: Float, n: Int) -> int:
+    """Return 1 when the sample may be used; count why not otherwise, and whether it stands at the end of its range.
+
+    Args:
+        row: the sample in SI. t: its stamp, ns.
+        on: it goes through the chain, so what is kept of the last one is not what the board sent.
+        c, s, n: the chain, memory and counters.
+    """
+    counters = n[IMU]
+    gyro = max(abs(row[0]), abs(row[1]), abs(row[2]))
+    accel = max(abs(row[3]), abs(row[4]), abs(row[5]))
+    if not (_finite(row, 6) and gyro < GYRO_LIMIT_RAD_S and accel < ACCEL_LIMIT_M_S2):
         counters[N_RANGE] += 1
         return 0
     if t <= s[S_T_LAST]:
         counters[N_REPEATED if t == s[S_T_LAST] else N_ORDER] += 1
         return 0
     same = s[S_T_LAST] > NEVER_NS
+    last = S_RAW if on else S_GYRO
     for i in range(6):
-        same = same and row[i] == s[S_GYRO + i]
+        same = same and row[i] == s[last + i]
     s[S_SAME] = s[S_SAME] + (t - s[S_T_LAST]) * 1e-9 if same else 0.0
     s[S_LIVELY] += 0.0 if same else 1.0
     if s[S_SAME] > STUCK_S and s[S_LIVELY] > 100.0:  # a sensor that never had noise is a simulation, not stuck
         counters[N_STUCK] += 1
         return 0
     counters[N_SAMPLES] += 1
+    if on:
+        for i in range(6):
+            s[S_RAW + i] = row[i]
+    if gyro >= c[K_CLIP_GYRO] or accel >= c[K_CLIP_ACCEL] or s[S_CLIP_NEAR] > 0.0:
+        _count_clipped(row, t, c, s, n)
     return 1
 
 
-@kernel("int64(float64[::1], float64[::1], int64[::1])")
-def check_mag(row: Float, s: Float, counters: Int) -> int:
-    """Scale the field to gauss in place; return its AidStatus."""
+@kernel("int64(float64[::1], float64[::1], float64[::1], int64[::1])")
+def check_mag(row: Float, c: Float, s: Float, counters: Int) -> int:
+    """Scale the field to gauss and calibrate it, in place; return its AidStatus.
+
+    The unit is found from what the board says, the strength is judged of what the calibration makes of it.
+    """
     if not _finite(row, 3):
         counters[N_RANGE] += 1
         return REFUSED_RANGE
     norm = math.sqrt(row[0] ** 2 + row[1] ** 2 + row[2] ** 2)
-    if s[S_MAG_SCALE] == 0.0 or (s[S_MAG_BAD] >= 20.0 and s[S_MAG_GOOD] < PROVEN_SAMPLES):
+    if c[K_BLOCKS + MAG * B_SIZE + B_UNITS] > 1.0:
+        s[S_MAG_SCALE] = 1.0  # a person has said what the counts are
+    elif s[S_MAG_SCALE] == 0.0 or (s[S_MAG_BAD] >= 20.0 and s[S_MAG_GOOD] < PROVEN_SAMPLES):
         s[S_MAG_SCALE], s[S_MAG_BAD] = decade_scale(norm), 0.0
     for i in range(3):
         row[i] *= s[S_MAG_SCALE]
@@ -111,6 +165,9 @@ def check_mag(row: Float, s: Float, counters: Int) -> int:
     likely = 0.15 <= norm < 1.5
     s[S_MAG_BAD] = 0.0 if likely else s[S_MAG_BAD] + 1.0
     s[S_MAG_GOOD] += 1.0 if likely else 0.0
+    if c[K_ON + MAG] > 0.0:
+        calibrate_mag(c, row)
+        norm = math.sqrt(row[0] ** 2 + row[1] ** 2 + row[2] ** 2)
     if EARTH_FIELD_MIN_GAUSS <= norm <= EARTH_FIELD_MAX_GAUSS:
         return FUSED
     counters[N_FIELD] += 1

@@ -17,7 +17,8 @@ N_STUCK: Final = 4
 N_GAPS: Final = 5
 N_FIELD: Final = 6
 N_NO_FIX: Final = 7
-N_COUNTERS: Final = 8
+N_CLIPPED: Final = 8
+N_COUNTERS: Final = 9
 KINDS: Final = 11
 
 NEVER_NS: Final = -1e18
@@ -46,14 +47,18 @@ S_T_KIND: Final = 34  # (11) last stamp of each kind, ns; NEVER_NS before the fi
 S_RATE: Final = 45  # (11) mean interval of each kind, s
 S_T_GAP: Final = 56  # end of the last hole, ns; NEVER_NS before the first
 S_MAG_GOOD: Final = 57  # samples that the scale explained
-S_SIZE: Final = 58
+S_RAW: Final = 58  # (6) previous IMU sample before calibration and filters
+S_CLIP: Final = 64  # (6, 2) largest magnitude of each IMU axis and whether the last sample stood there (`clipping`)
+S_T_CLIP: Final = 76  # stamp of the last clipped IMU sample, ns; NEVER_NS before the first
+S_CLIP_NEAR: Final = 77  # axes whose last sample stood at their largest
+S_SIZE: Final = 78
 
 
 def new_memory() -> tuple[Float, Int]:
     """Return (s, n) as before the first sample."""
     s = np.zeros(S_SIZE)
     s[S_T_LAST] = NEVER_NS
-    s[S_T_GAP] = NEVER_NS
+    s[S_T_GAP] = s[S_T_CLIP] = NEVER_NS
     s[S_Q] = 1.0
     s[S_TEMPERATURE] = np.nan
     s[S_T_KIND : S_T_KIND + KINDS] = NEVER_NS

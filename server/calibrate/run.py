@@ -1,0 +1,183 @@
+"""Files through the very collectors that run live; one result."""
+
+from __future__ import annotations
+
+import json
+import math
+from collections.abc import Callable, Mapping, Sequence
+from dataclasses import dataclass, replace
+from pathlib import Path
+from typing import Any, Final, cast
+
+import numpy as np
+
+from server.calibrate.columns import MAIN_KIND, SENSOR_OF_XYZ
+from server.calibrate.errors import CalibrateError
+from server.calibrate.logs import is_log, read_log
+from server.calibrate.order import Piece
+from server.calibrate.pieces import DEFAULT_RATE_HZ, read_csvs
+from server.calibrate.told import Ranges, Told, ranges_of
+from server.magnetic import WMM_EPOCH_YEAR, wmm_field
+from server.nav.calibration.applied import Calibration
+from server.nav.calibration.registry import NEEDS_CALIBRATED, collector_for
+from server.nav.calibration.types import GRAVITY_M_S2, SENSOR_OF, CalKind, Check, Collector, Fit, Options
+from server.nav.earth import normal_gravity
+from server.nav.types import Float, Int, Kind, Site
+
+TIMELESS: Final = frozenset({CalKind.MAG_ELLIPSOID})
+"""Kinds whose result does not depend on when a sample was taken."""
+
+FitRanges = Callable[[Int, Float, Sequence[tuple[int, int]]], Fit]
+
+
+@dataclass(frozen=True, slots=True, kw_only=True, eq=False)
+class Result:
+    """What came of it: the fit, the check on fresh data if asked for, and what a person should know."""
+
+    fit: Fit
+    check: Check | None
+    notes: tuple[str, ...]
+
+
+@dataclass(frozen=True, slots=True, kw_only=True, eq=False)
+class _Read:
+    pieces: tuple[Piece, ...]
+    site: Site | None
+    notes: tuple[str, ...]
+
+
+def calibrate(told: Told) -> Result:
+    """Read, fit, and check.
+
+    Raises:
+        CalibrateError: a file or an option is not usable.
+    """
+    ranges = ranges_of(told.ranges, told.kind, told.axis) if told.ranges else ()
+    read = _read(told.files, told, timed=not (ranges and told.kind is not CalKind.GYRO_SCALE))
+    notes = list(read.notes)
+    options = _options(told, read.site, notes)
+    present = _present(told.applied)
+    collector = _collector(told.kind, options)
+    if ranges:
+        fit = _fit_ranges(collector, _conditioned(told.kind, read.pieces, present), ranges, told)
+    else:
+        _feed(collector, _conditioned(told.kind, read.pieces, present))
+        fit = collector.fit()
+    check = None
+    if told.verify and fit.ok:
+        fresh = _read(told.verify, told, timed=True)
+        notes += [f"--verify: {note}" for note in fresh.notes]
+        judge = _collector(told.kind, options)
+        _feed(judge, _conditioned(told.kind, fresh.pieces, present))
+        check = judge.check(fit.parameters)
+    return Result(fit=fit, check=check, notes=tuple(dict.fromkeys(notes)))
+
+
+def _read(paths: Sequence[Path], told: Told, *, timed: bool) -> _Read:
+    logs = [path for path in paths if is_log(path)]
+    if logs and len(paths) > 1:
+        raise CalibrateError(f"{logs[0]} is a log and stands alone. Give one log, or CSV files.")
+    if logs:
+        if told.unit == "raw":
+            raise CalibrateError(f"{logs[0]} is in SI units and gauss. Leave --unit raw away.")
+        log = read_log(logs[0])
+        return _Read(pieces=log.pieces, site=log.site, notes=log.notes)
+    samples = read_csvs(paths, told)
+    notes = list(samples.notes)
+    if not samples.has_stamps and timed and told.kind not in TIMELESS and not math.isfinite(told.rate_hz):
+        notes.append(f"No time column: {DEFAULT_RATE_HZ:g} samples a second are assumed. Give --rate-hz.")
+    return _Read(pieces=samples.pieces, site=None, notes=tuple(notes))
+
+
+def _options(told: Told, site: Site | None, notes: list[str]) -> Options:
+    """Return the collector's options; what a person told wins over the log's site."""
+    field, gravity = _field(told, site, notes)
+    strength = told.strength
+    if math.isnan(strength) and field:
+        strength = float(np.linalg.norm(field))
+    return Options(
+        unit=told.unit or "si",
+        strength=strength,
+        gravity_m_s2=told.gravity_m_s2 if math.isfinite(told.gravity_m_s2) else gravity,
+        axis=told.axis,
+        turns=told.turns,
+        ellipsoid_parameters=told.parameters,
+        duration_s=told.duration_s,
+        heading_rad=math.radians(told.heading_deg),
+        heading_sigma_rad=math.radians(told.heading_sigma_deg),
+        field_n_gauss=field,
+        height_m=told.height_m,
+        rate_hz=told.rate_hz,
+    )
+
+
+def _field(told: Told, site: Site | None, notes: list[str]) -> tuple[tuple[float, ...], float]:
+    """Return the Earth's field (NED, gauss) and gravity at the place that was told, else the log's; () = unknown."""
+    if math.isnan(told.lat_deg):
+        return (site.field_n_gauss, site.gravity_m_s2) if site else ((), GRAVITY_M_S2)
+    field, year = wmm_field(told.lat_deg, told.lon_deg, told.alt_m, told.year)
+    if math.isnan(told.year) and told.kind in SENSOR_OF_XYZ and SENSOR_OF_XYZ[told.kind] == "mag":
+        notes.append(f"The magnetic model is of its epoch, {WMM_EPOCH_YEAR:g}. Give --year.")
+    elif math.isfinite(told.year) and year != told.year:
+        notes.append(f"The magnetic model does not reach {told.year:g}; {year:g} is used.")
+    alt_m = told.alt_m if math.isfinite(told.alt_m) else 0.0
+    return tuple(float(v) for v in field), normal_gravity(math.radians(told.lat_deg), alt_m)
+
+
+def _collector(kind: CalKind, options: Options) -> Collector:
+    try:
+        return collector_for(kind, options)
+    except ValueError as error:
+        raise CalibrateError(str(error)) from error
+
+
+def _feed(collector: Collector, pieces: Sequence[Piece]) -> None:
+    for piece in pieces:
+        collector.feed(piece.kind, piece.t_ns, piece.rows)
+
+
+def _fit_ranges(collector: Collector, pieces: Sequence[Piece], ranges: Ranges, told: Told) -> Fit:
+    """Fit the stretches alone; indices count the samples of the kind's own sensor, through all files."""
+    mine = MAIN_KIND[told.kind]
+    t_ns = np.concatenate([piece.t_ns for piece in pieces if piece.kind is mine] or [np.empty(0, np.int64)])
+    rows = np.concatenate([piece.rows for piece in pieces if piece.kind is mine] or [np.empty((0, 1))])
+    past = next((pair for pair in ranges if pair[1] > len(t_ns)), None)
+    if past is not None:
+        raise CalibrateError(
+            f"--ranges {past[0]}:{past[1]} ends after the last of {len(t_ns)} samples. Give b ≤ {len(t_ns)}."
+        )
+    fit_ranges = cast(FitRanges | None, getattr(collector, "fit_ranges", None))
+    if fit_ranges is not None:
+        return fit_ranges(t_ns, rows, list(ranges))
+    for start, stop in ranges:
+        collector.feed(mine, t_ns[start:stop], np.ascontiguousarray(rows[start:stop]))
+    return collector.fit()
+
+
+def _present(files: Sequence[Path]) -> Calibration:
+    """Return the calibration in force: earlier results, the later one of a sensor winning."""
+    found = Calibration()
+    for path in files:
+        try:
+            made: Mapping[str, Any] = json.loads(path.read_text(encoding="utf-8-sig"))
+            if not made["ok"]:
+                raise CalibrateError(f"--applied {path} is a refused calibration. Give one that was fitted.")
+            kind = CalKind(made["kind"])
+            found = found.having(SENSOR_OF[kind], made["parameters"])
+        except OSError as error:
+            raise CalibrateError(f"--applied {path} cannot be read: {error.strerror}. Check the path.") from error
+        except (KeyError, TypeError, ValueError) as error:
+            if isinstance(error, CalibrateError):
+                raise
+            raise CalibrateError(
+                f"--applied {path} is not a result of this command ({error}). Write it with --out."
+            ) from error
+    return found
+
+
+def _conditioned(kind: CalKind, pieces: Sequence[Piece], present: Calibration) -> Sequence[Piece]:
+    """Return the samples as the kind wants them: raw, or with the present calibration as live gives it."""
+    if kind not in NEEDS_CALIBRATED or present.is_identity:
+        return pieces
+    here = replace(present, level=np.eye(3)) if kind is CalKind.LEVEL else present
+    return [replace(p, rows=here.rows(p.kind, p.rows)) if p.kind is Kind.IMU else p for p in pieces]

@@ -1,0 +1,1 @@
+"""Calibration as the server owns it: jobs, the store of sets with their history, exchange with other formats."""

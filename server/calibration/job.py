@@ -1,0 +1,220 @@
+"""One calibration job: a collector with states, a clock and a result. Knows no task, link or disk.
+
+    waiting → collecting ⇄ paused → fitting → fitted ⇄ verifying → applied
+                                        ↘ refused      (any active state) → cancelled
+
+A refused attempt that a person asked for leaves the job collecting: what was collected stays, and the reason is shown.
+"""
+
+from __future__ import annotations
+
+from dataclasses import dataclass, field, replace
+from enum import StrEnum
+from typing import Final
+
+import numpy as np
+
+from server.nav.calibration.applied import Calibration
+from server.nav.calibration.codes import failure
+from server.nav.calibration.registry import NEEDS_CALIBRATED, collector_for
+from server.nav.calibration.types import (
+    SENSOR_OF,
+    CalKind,
+    Check,
+    Collector,
+    Failure,
+    Fit,
+    Options,
+    Progress,
+    Sensor,
+    Value,
+)
+from server.nav.types import Float, Int, Kind
+
+
+class JobState(StrEnum):
+    """Where a job is."""
+
+    WAITING = "waiting"  # for the first sample
+    COLLECTING = "collecting"
+    PAUSED = "paused"  # no sample comes: the link is lost; what was collected stays
+    FITTING = "fitting"
+    FITTED = "fitted"
+    VERIFYING = "verifying"
+    APPLIED = "applied"
+    REFUSED = "refused"
+    CANCELLED = "cancelled"
+
+
+COLLECTS: Final = frozenset({JobState.WAITING, JobState.COLLECTING, JobState.PAUSED})
+ACTIVE: Final = COLLECTS | {JobState.FITTING, JobState.VERIFYING}
+"""States in which a job holds its sensor."""
+SILENT_S: Final = 1.5
+"""So long without a sample of its kind, and a job shows itself paused."""
+SLOW_KINDS: Final = {Kind.BARO: 4.0, Kind.AIRSPEED: 4.0, Kind.MAG: 3.0}
+VERIFY_TIMEOUT_S: Final = 180.0
+INPUT_OF: Final[dict[Sensor, Kind]] = {
+    Sensor.GYRO: Kind.IMU,
+    Sensor.ACCEL: Kind.IMU,
+    Sensor.BOARD: Kind.IMU,
+    Sensor.MAG: Kind.MAG,
+    Sensor.AIRSPEED: Kind.AIRSPEED,
+    Sensor.BARO: Kind.BARO,
+}
+TIMEOUT_S: Final[dict[CalKind, float]] = {
+    CalKind.GYRO_BIAS: 120.0,
+    CalKind.LEVEL: 120.0,
+    CalKind.AIRSPEED_ZERO: 120.0,
+    CalKind.BARO_REFERENCE: 120.0,
+    CalKind.MAG_FIXED_HEADING: 120.0,
+    CalKind.MAG_IN_FLIGHT: 3600.0,
+}
+LONG_TIMEOUT_S: Final = 900.0
+
+
+@dataclass(slots=True, kw_only=True)
+class Job:
+    """One calibration of one board. Times are host monotonic seconds that the caller gives."""
+
+    id: str
+    board_id: str
+    kind: CalKind
+    options: Options
+    present: Calibration
+    created_utc: str
+    created_by: str
+    started_s: float
+    timeout_s: float
+    dry_run: bool = False
+    state: JobState = JobState.WAITING
+    fraction: float = 0.0
+    fit: Fit | None = None
+    refusal: Failure | None = None
+    check: Check | None = None
+    check_failure: Failure | None = None
+    present_check: Check | None = None
+    set_id: str = ""
+    samples_file: str = ""
+    ended_s: float = field(default=float("nan"))
+    lost_results: int = 0
+    _collector: Collector = field(init=False)
+    _verifier: Collector | None = field(default=None, init=False)
+    _progress: Progress | None = field(default=None, init=False)
+    _fed_s: float = field(default=float("nan"), init=False)
+    _verify_from_s: float = field(default=0.0, init=False)
+
+    def __post_init__(self) -> None:
+        self._collector = collector_for(self.kind, self.options)
+
+    @property
+    def sensor(self) -> Sensor:
+        """The sensor it holds while it is active."""
+        return SENSOR_OF[self.kind]
+
+    @property
+    def is_active(self) -> bool:
+        """True while no other job may use its sensor."""
+        return self.state in ACTIVE
+
+    @property
+    def progress(self) -> Progress:
+        """How far it is; its fraction never goes back (a restart is counted beside it)."""
+        if self._progress is None:
+            found = (self._verifier or self._collector).progress()
+            if self._verifier is None:
+                self.fraction = max(self.fraction, min(max(found.fraction, 0.0), 1.0))
+                found = replace(found, fraction=self.fraction)
+            self._progress = found
+        return self._progress
+
+    def feed(self, kind: Kind, t_ns: Int, rows: Float, now_s: float) -> None:
+        """Take samples, raw, the magnetometer's in gauss, in order of arrival."""
+        if kind is INPUT_OF[self.sensor]:
+            self._fed_s = now_s
+            if self.state in {JobState.WAITING, JobState.PAUSED}:
+                self.state = JobState.COLLECTING
+        target = self._verifier if self.state is JobState.VERIFYING else self._collector
+        if target is not None:
+            target.feed(kind, t_ns, self._conditioned(kind, rows))
+            self._progress = None
+
+    def _conditioned(self, kind: Kind, rows: Float) -> Float:
+        if self.kind not in NEEDS_CALIBRATED or kind is not Kind.IMU:
+            return rows
+        level = np.eye(3) if self.kind is CalKind.LEVEL else self.present.level
+        return replace(self.present, level=level).rows(kind, rows)
+
+    def look(self, now_s: float) -> None:
+        """Notice silence and the end of the time."""
+        silent_s = SLOW_KINDS.get(INPUT_OF[self.sensor], SILENT_S)
+        if self.state is JobState.COLLECTING and now_s - self._fed_s > silent_s:
+            self.state, self._progress = JobState.PAUSED, None
+        if self.state in COLLECTS and now_s - self.started_s > self.timeout_s:
+            code = "no-data" if self.state is JobState.WAITING else "timed-out"
+            self.refuse(failure(code, now_s - self.started_s, self.timeout_s, "s"), now_s)
+        if self.state is JobState.VERIFYING and now_s - self._verify_from_s > VERIFY_TIMEOUT_S:
+            self.end_verification(now_s)
+
+    @property
+    def wants_fit(self) -> bool:
+        """True when nothing is gained by collecting on."""
+        return self.state is JobState.COLLECTING and self.progress.is_complete
+
+    def begin_fit(self) -> Collector:
+        """Stop collecting; return what is to be fitted, in a thread."""
+        self.state, self._progress = JobState.FITTING, None
+        return self._collector
+
+    def end_fit(self, fit: Fit, present_check: Check | None, *, asked: bool, now_s: float) -> None:
+        """Take the result. A refused attempt that a person asked for leaves the job collecting."""
+        if self.state is not JobState.FITTING:  # cancelled meanwhile
+            return
+        self.refusal, self._progress = fit.failure, None
+        if fit.failure is None:
+            self.fit, self.present_check = fit, present_check
+            self.fraction, self.state, self.ended_s = 1.0, JobState.FITTED, now_s
+        elif asked:
+            self.state, self._fed_s = JobState.COLLECTING, now_s
+        else:
+            self.fit = fit
+            self.refuse(fit.failure, now_s)
+
+    def begin_verification(self, now_s: float) -> None:
+        """Collect fresh data under the new parameters."""
+        self._verifier = collector_for(self.kind, self.options)
+        self.state, self._progress, self._verify_from_s = JobState.VERIFYING, None, now_s
+        self.check = self.check_failure = None
+
+    def judge(self) -> bool:
+        """Judge the fresh data; True when there was enough of it."""
+        if self._verifier is None or self.fit is None:
+            return False
+        found = self._verifier.check(self.fit.parameters)
+        self.check_failure = found.failure
+        if found.failure is None:
+            self.check = found
+        return found.failure is None
+
+    def end_verification(self, _now_s: float) -> None:
+        """Go back to the result, judged or not."""
+        self._verifier, self._progress = None, None
+        self.state = JobState.APPLIED if self.set_id else JobState.FITTED
+
+    def cancel(self, now_s: float) -> None:
+        """End it; a verification alone is given up, the result stays."""
+        if self.state is JobState.VERIFYING:
+            self.end_verification(now_s)
+            return
+        self.state, self.ended_s, self._progress = JobState.CANCELLED, now_s, None
+
+    def refuse(self, why: Failure, now_s: float) -> None:
+        """End it with a reason."""
+        self.refusal, self.state, self.ended_s, self._progress = why, JobState.REFUSED, now_s, None
+
+    def applied(self, set_id: str) -> None:
+        """Note the set that was made of the result and put in force."""
+        self.set_id, self.state = set_id, JobState.APPLIED
+
+    def parameters(self) -> dict[str, Value]:
+        """Return what was found; {} before."""
+        return dict(self.fit.parameters) if self.fit is not None and self.fit.ok else {}

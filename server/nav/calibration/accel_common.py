@@ -1,0 +1,80 @@
+"""What the calibrations from static poses share: the first refusals, the residuals, the verification."""
+
+from __future__ import annotations
+
+from collections.abc import Mapping, Sequence
+
+import numpy as np
+
+from server.nav.calibration import grades
+from server.nav.calibration.codes import failure
+from server.nav.calibration.poses import Pose, PoseCollector
+from server.nav.calibration.statistics import rms
+from server.nav.calibration.types import NAN, CalKind, Check, Failure, Fit, Options, Residual, Value
+from server.nav.types import Float
+
+MOTION_S = 5.0  # no pose in so long: it was moving
+
+
+def means_of(poses: Sequence[Pose]) -> Float:
+    """Return shape (k, 3)."""
+    return np.array([pose.accel for pose in poses]).reshape(-1, 3)
+
+
+def temperature_of(poses: Sequence[Pose]) -> float:
+    """Return the mean temperature in °C; NaN unknown."""
+    known = [pose.temperature_degc for pose in poses if np.isfinite(pose.temperature_degc)]
+    return float(np.mean(known)) if known else NAN
+
+
+def refused(kind: CalKind, why: Failure, collector: PoseCollector, **more: object) -> Fit:
+    """Return the refusal."""
+    return Fit(kind=kind, failure=why, samples=collector.samples, **more)  # type: ignore[arg-type]
+
+
+def early_failure(collector: PoseCollector, options: Options, least: int) -> Failure | None:
+    """Return why the poses are not worth fitting, whatever the model: none, saturated, not gravity."""
+    poses = collector.poses
+    if collector.samples == 0:
+        return failure("no-data")
+    if not poses:
+        long = collector.span_s >= MOTION_S
+        return failure("motion", 0, least) if long else failure("too-few-samples", collector.span_s, MOTION_S, "s")
+    share = collector.saturated()
+    if share > 0.0:
+        return failure("saturated", share, 0.3)
+    return gravity_failure(poses, options)
+
+
+def gravity_failure(poses: Sequence[Pose], options: Options) -> Failure | None:
+    """Return the refusal when, in SI, the length at rest is not gravity's."""
+    if options.unit == "raw":
+        return None
+    g = options.gravity_m_s2
+    length = float(np.median(np.linalg.norm(means_of(poses), axis=1)))
+    if length < grades.GRAVITY_LOW * g:
+        return failure("gravity", length, grades.GRAVITY_LOW * g, "m/s²")
+    if length > grades.GRAVITY_HIGH * g:
+        return failure("gravity", length, grades.GRAVITY_HIGH * g, "m/s²")
+    return None
+
+
+def residual_before(poses: Sequence[Pose], options: Options) -> Residual:
+    """Return the RMS of |raw| − g; counts are first brought to g by the one factor that fits them best."""
+    length, g = np.linalg.norm(means_of(poses), axis=1), options.gravity_m_s2
+    factor = g * float(length.sum() / (length @ length)) if options.unit == "raw" else 1.0
+    return Residual(value=rms(factor * length - g), unit="m/s²")
+
+
+def check_poses(poses: Sequence[Pose], parameters: Mapping[str, Value], options: Options) -> Check:
+    """Judge parameters on fresh poses: RMS of |matrix · (raw − offset)| − g."""
+    matrix, offset = np.asarray(parameters["matrix"]), np.asarray(parameters["offset"])
+    limit = grades.CHECK_LENGTH_M_S2
+    why = None
+    if len(poses) < grades.CHECK_POSES:
+        why = failure("too-few-poses", len(poses), grades.CHECK_POSES)
+    length = np.linalg.norm((means_of(poses) - offset) @ matrix.T, axis=1) - options.gravity_m_s2
+    value = rms(length) if len(poses) else NAN
+    samples = sum(pose.samples for pose in poses)
+    residual = Residual(value=value, unit="m/s²")
+    return Check(ok=why is None and value <= limit, residual=residual, limit=limit, samples=samples, failure=why)

@@ -1,0 +1,77 @@
+"""How well an ellipsoid is known: its σ, and how its sampling amplifies errors, from the same moments as the fit."""
+
+from __future__ import annotations
+
+from typing import Final
+
+import numpy as np
+
+from server.nav.calibration.ellipsoid_solve import Ellipsoid, adjusted, gradient, misfit, normal_matrix, rms
+from server.nav.calibration.sphere_cells import CELLS, DIRECTIONS, fibonacci_directions
+from server.nav.types import Float, Int
+
+PATCH_OF_CELL: Final = np.argmax(DIRECTIONS @ fibonacci_directions(24).T, axis=1)
+"""Patch of each cell: 24 of them, some 40° across."""
+
+
+def uncertainty(
+    moments: Float, cell: Int, e: Ellipsoid, parameters: int, roughness: float
+) -> tuple[Float, tuple[float, float]]:
+    """Return 1σ of (centre, matrix entries) and the dilutions (centre, matrix), in the fit's frame.
+
+    Residuals of neighbouring samples are alike, so it is not samples that are independent. Two views, the larger counts:
+
+    - in space: the scores are summed over patches of the sphere and the spread of the sums counts (cluster-robust
+      covariance, with the usual C/(C − p)), for patches of two sizes, variances added. On recorded sweeps cut into parts
+      the small alone are too bold by three, the large alone by 1.4, the sum is right.
+    - in time: least squares with as many samples as are independent, n / 2τ, where τ is the correlation time (in
+      samples) at which noise of the residual's size would be as smooth as the stream is.
+
+    Args:
+        moments: shape (m, 35), of the cubes. cell: shape (m,), where each is on the sphere.
+        e: the fit. parameters: 9, 6 or 4.
+        roughness: `Cubes.roughness` in the fit's unit.
+    """
+    g, beta, weight = gradient(e, parameters), e.quadric, moments[:, 0]
+    per_cell = np.zeros((CELLS, 10, 10))
+    np.add.at(per_cell, cell, normal_matrix(adjusted(moments, e.noise**2)))
+    counts = np.bincount(cell, weights=weight, minlength=CELLS)
+    used = counts > 0.0
+    inverse = _inverse(g @ per_cell.sum(axis=0) @ g.T)
+    even = _inverse(g @ (per_cell[used] / counts[used, None, None]).sum(axis=0) @ g.T)
+    scores = 0.5 * per_cell[used] @ beta @ g.T
+    spread = _spread(scores, np.flatnonzero(used)) + _spread(scores, PATCH_OF_CELL[used])
+    residual = rms(misfit(moments, e), weight)
+    alike = _alike(roughness, residual * e.radius, weight.sum() / used.sum())
+    variance = np.maximum(np.diag(inverse @ spread @ inverse), np.diag(inverse) * residual**2 * alike)
+    return np.sqrt(variance), (_size(even[:3, :3]), _size(even[3:, 3:]))
+
+
+def _alike(roughness: float, noise: float, most: float) -> float:
+    """How many samples are worth one: 2τ with var(second difference) = 4/τ · var(noise) for slow noise, at most a cell's.
+
+    (Of a first-order process with ρ = exp(−1/τ): 2 (1 − ρ)(3 − ρ).) Turning adds to the roughness, so τ is no more than that.
+    """
+    ratio = max(roughness / max(noise, 1e-300), 1e-6)
+    return max(1.0, min(4.0 / (3.0 * ratio * ratio), most))
+
+
+def _size(covariance: Float) -> float:
+    """Largest standard deviation of any direction."""
+    return float(np.linalg.norm(covariance, 2)) ** 0.5
+
+
+def _spread(scores: Float, patch: Int) -> Float:
+    """Sum over the patches of the outer product of their summed scores, corrected for the parameters fitted."""
+    names, place = np.unique(patch, return_inverse=True)
+    sums = np.zeros((len(names), scores.shape[1]))
+    np.add.at(sums, place, scores)
+    total: Float = sums.T @ sums * (len(names) / max(len(names) - scores.shape[1], 1))
+    return total
+
+
+def _inverse(positive: Float) -> Float:
+    """Inverse of a positive matrix; enormous where noise has eaten an eigenvalue: that direction is not known."""
+    values, vectors = np.linalg.eigh(positive)
+    inverse: Float = (vectors / np.maximum(values, 1e-12 * max(values[-1], 1e-300))) @ vectors.T
+    return inverse

@@ -1,0 +1,233 @@
+"""Static poses: what a board reads while it is held still, one after the other."""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+from dataclasses import dataclass
+from typing import Final
+
+import numpy as np
+
+from server.nav.calibration.blocks import (
+    B_AT_MAX,
+    B_AT_MIN,
+    B_FIRST,
+    B_GYROS,
+    B_MAX,
+    B_MEAN,
+    B_MIN,
+    B_N,
+    B_T0,
+    B_T1,
+    B_TEMPERATURE,
+    B_VAR,
+    BlockTable,
+)
+from server.nav.calibration.statistics import mean_sigma, weighted_mean
+from server.nav.calibration.stillness import Scale, StillLimits, block_std, scale_of_counts, still_runs
+from server.nav.calibration.types import Options
+from server.nav.types import Float, Int, Kind
+
+BLOCK_S: Final = 0.2  # long enough that the slow turning of a hand shows, short enough for a pose of a second
+BLOCK_SAMPLES: Final = 4
+SAME_POSE: Final = 0.02  # of g: neighbours that near (1.1°) are one pose with a bump in it
+STIRRED: Final = 2.5  # times the median: an eighth of a percent of white noise in three axes of four samples
+SATURATED_SHARE: Final = 0.3
+CLIPPED_STD: Final = 0.65  # half a normal distribution at a stop keeps 0.58 of its scatter
+OPEN_BLOCKS: Final = 3
+POSE_S: Final = 5 * BLOCK_S  # shortest pose
+
+
+@dataclass(frozen=True, slots=True, kw_only=True, eq=False)
+class Pose:
+    """One still run, its first and last block left out.
+
+    Attributes:
+        accel, gyro: shape (3,), mean in the unit of the data; gyro NaN without one.
+        sigma: shape (3,), 1σ of the mean accelerometer.
+        std: shape (3,), scatter of its samples.
+        low, high: shape (3,), extreme values, and `at_low`, `at_high` the samples exactly there.
+        t0_ns, t1_ns, first: board time, and the number of its first sample in the stream.
+    """
+
+    accel: Float
+    gyro: Float
+    sigma: Float
+    std: Float
+    low: Float
+    high: Float
+    at_low: Float
+    at_high: Float
+    samples: int
+    t0_ns: int
+    t1_ns: int
+    first: int
+    temperature_degc: float
+
+
+def _extreme(values: Float, counts: Float, pick: np.ufunc) -> tuple[Float, Float]:
+    best = pick.reduce(values, axis=0)
+    return best, np.where(values == best, counts, 0.0).sum(axis=0)
+
+
+def pose_of(blocks: Float) -> Pose:
+    """Return the pose that these blocks are."""
+    n = blocks[:, B_N]
+    mean, var = blocks[:, B_MEAN : B_MEAN + 6], blocks[:, B_VAR : B_VAR + 6]
+    with_gyro = blocks[:, B_GYROS] > 0.0
+    gyro = weighted_mean(mean[with_gyro, :3], blocks[with_gyro, B_GYROS]) if with_gyro.any() else np.full(3, np.nan)
+    low, at_low = _extreme(blocks[:, B_MIN + 3 : B_MIN + 6], blocks[:, B_AT_MIN + 3 : B_AT_MIN + 6], np.minimum)
+    high, at_high = _extreme(blocks[:, B_MAX + 3 : B_MAX + 6], blocks[:, B_AT_MAX + 3 : B_AT_MAX + 6], np.maximum)
+    warm = blocks[np.isfinite(blocks[:, B_TEMPERATURE]), B_TEMPERATURE]
+    return Pose(
+        accel=weighted_mean(mean[:, 3:], n),
+        gyro=gyro,
+        sigma=mean_sigma(mean[:, 3:], var[:, 3:], n),
+        std=np.sqrt(weighted_mean(var[:, 3:], n)),
+        low=low,
+        high=high,
+        at_low=at_low,
+        at_high=at_high,
+        samples=int(n.sum()),
+        t0_ns=int(blocks[0, B_T0]),
+        t1_ns=int(blocks[-1, B_T1]),
+        first=int(blocks[0, B_FIRST]),
+        temperature_degc=float(warm.mean()) if warm.size else float("nan"),
+    )
+
+
+def _inner(table: Float, runs: Sequence[tuple[int, int]], near: float) -> list[Float]:
+    """Return the blocks of each pose without its ends; neighbours alike are joined."""
+    out: list[Float] = []
+    for a, b in runs:
+        blocks = quiet_part(table[a + 1 : b - 1])
+        if out and np.linalg.norm(_mean(out[-1]) - _mean(blocks)) <= near:
+            out[-1] = np.concatenate([out[-1], blocks])
+        else:
+            out.append(blocks)
+    return out
+
+
+def _mean(blocks: Float) -> Float:
+    return weighted_mean(blocks[:, B_MEAN + 3 : B_MEAN + 6], blocks[:, B_N])
+
+
+def quiet_part(blocks: Float) -> Float:
+    """Return the blocks without those that a bump or the edge of a move stirred, judged by the pose's own median."""
+    std = block_std(blocks, 3)
+    mean = blocks[:, B_MEAN + 3 : B_MEAN + 6]
+    away = np.linalg.norm(mean - np.median(mean, axis=0), axis=1)
+    keep = (std <= STIRRED * np.median(std)) & (away <= STIRRED * np.median(away) / 0.6)
+    return blocks[keep] if keep.any() else blocks
+
+
+class PoseCollector:
+    """Collects static poses from IMU samples; the same for live, for files and for any cut of the stream."""
+
+    def __init__(self, options: Options, limits: StillLimits | None = None) -> None:
+        """Start without samples.
+
+        Args:
+            options: `unit` and `gravity_m_s2` matter here.
+            limits: what still means; None = for poses on a table or in a steady hand.
+        """
+        self._options = options
+        self._limits = limits or StillLimits()
+        self._table = BlockTable(needs=1, least_n=BLOCK_SAMPLES, least_s=BLOCK_S)
+        self._known: tuple[int, list[Pose], Scale] = (-1, [], Scale(accel=1.0, gyro=1.0))
+        self._given: list[Pose] | None = None
+
+    def feed(self, kind: Kind, t_ns: Int, rows: Float) -> None:
+        """Take samples; other kinds than the IMU are ignored."""
+        if kind == Kind.IMU:
+            self._table.feed(t_ns, rows)
+
+    def take_ranges(self, t_ns: Int, rows: Float, ranges: Sequence[tuple[int, int]]) -> None:
+        """Take these ranges [first, end) of samples as the poses, each one, instead of looking for them."""
+        self._given = []
+        for a, b in ranges:
+            table = BlockTable(needs=1, least_n=BLOCK_SAMPLES, least_s=BLOCK_S)
+            table.feed(t_ns[a:b], rows[a:b])
+            table.flush()
+            if len(table.rows):
+                self._given.append(pose_of(table.rows))
+        self._table.feed(t_ns, rows)
+
+    def _current(self) -> tuple[int, list[Pose], Scale]:
+        blocks = self._table.rows
+        if self._known[0] != len(blocks):
+            scale = Scale(accel=self._options.gravity_m_s2, gyro=1.0)
+            if self._options.unit == "raw":
+                scale = scale_of_counts(blocks) if len(blocks) else Scale(accel=0.0, gyro=0.0, is_found=True)
+            runs = still_runs(blocks, self._limits, scale)
+            poses = [pose_of(inner) for inner in _inner(blocks, runs, SAME_POSE * scale.accel)]
+            self._known = (len(blocks), poses, scale)
+        return self._known
+
+    @property
+    def poses(self) -> list[Pose]:
+        """The poses so far, oldest first; the one that is being held included once it is long enough."""
+        return self._current()[1] if self._given is None else self._given
+
+    @property
+    def scale(self) -> Scale:
+        """1 g and 1 rad/s in the unit of the data."""
+        return self._current()[2]
+
+    @property
+    def samples(self) -> int:
+        """Samples taken."""
+        return self._table.samples
+
+    @property
+    def span_s(self) -> float:
+        """Seconds from the first block to the last."""
+        blocks = self._table.rows
+        return float(blocks[-1, B_T1] - blocks[0, B_T0]) * 1e-9 if len(blocks) else 0.0
+
+    @property
+    def newest(self) -> Float:
+        """The last blocks, shape (≤ 3, B_SIZE), for showing what is held now."""
+        return self._table.rows[-OPEN_BLOCKS:]
+
+    @property
+    def still_s(self) -> float:
+        """How long the board has been held still until now."""
+        blocks, limits = self._table.rows, self._limits
+        if not len(blocks):
+            return 0.0
+        anything = StillLimits(
+            accel_std=limits.accel_std,
+            accel_std_cap=limits.accel_std_cap,
+            accel_shift=limits.accel_shift,
+            gyro_std=limits.gyro_std,
+            gyro_std_cap=limits.gyro_std_cap,
+            gyro_shift=limits.gyro_shift,
+            least_blocks=1,
+        )
+        runs = still_runs(blocks, anything, self.scale)
+        if not runs or runs[-1][1] != len(blocks):
+            return 0.0
+        return float(blocks[-1, B_T1] - blocks[runs[-1][0], B_T0]) * 1e-9
+
+    def saturated(self) -> float:
+        """Return the largest share of a pose's samples that sit exactly at the end of the range; 0 when none does.
+
+        A sensor at its stop repeats one value which it never exceeds, in motion neither, and shows less noise there
+        than in its other poses. Coarse steps alone repeat values too, so noise must exceed half a step elsewhere.
+        """
+        poses, blocks = self.poses, self._table.rows
+        if len(poses) < 2:
+            return 0.0
+        worst = 0.0
+        std = np.array([pose.std for pose in poses])
+        usual = np.median(std, axis=0)
+        top, bottom = blocks[:, B_MAX + 3 : B_MAX + 6].max(axis=0), blocks[:, B_MIN + 3 : B_MIN + 6].min(axis=0)
+        noisy = usual > 0.5 * self._table.quantum[3:]
+        for pose in poses:
+            clipped = noisy & (pose.std < CLIPPED_STD * usual)
+            share = np.maximum(
+                np.where(pose.high == top, pose.at_high, 0.0), np.where(pose.low == bottom, pose.at_low, 0.0)
+            )
+            worst = max(worst, float(np.max(np.where(clipped, share / pose.samples, 0.0))))
+        return worst if worst >= SATURATED_SHARE else 0.0
