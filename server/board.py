@@ -15,12 +15,14 @@ from server.history import History
 from server.hub import EventRecord, Hub
 from server.link.base import Chunk, LinkState, Turnable
 from server.nav.calibration.applied import Calibration
-from server.nav.types import Event, SampleBlock, Snapshot
+from server.nav.types import Event, Float, Kind, SampleBlock, Snapshot
 from server.rows import lane_of, row_topics
 from server.traffic import Traffic
 
 if TYPE_CHECKING:
+    from server.nav.calibration.mag_learning import MagLearnState
     from server.nav.lanes.registry import LaneInfo  # importing it loads every kernel
+    from server.nav.preprocess.chain_parameters import ChainInfo
 
 __all__ = ["Board", "BoardParts", "Engine"]
 log = logging.getLogger("navdeck.board")
@@ -49,6 +51,8 @@ class Board:
         self._lanes = lanes
         self._lane_values: dict[str, dict[str, float]] = {}
         self.calibration = Calibration()
+        self._chain_values: dict[str, dict[str, float]] = {}
+        self.mag_learning_switches = (False, False)
         self._parts = parts
         self._link = parts.link()
         self._protocol = parts.protocol()
@@ -136,6 +140,34 @@ class Board:
         self.calibration = calibration
         self._engine.set_calibration(calibration)
 
+    def converted(self, kind: Kind, rows: Float) -> Float:
+        """Return raw rows in SI and body axes, where counts or a mounting are set: what calibrations are made of."""
+        return self._engine.converted(kind, rows)
+
+    def chain(self) -> tuple[ChainInfo, ...]:
+        """Return the preprocessing of every sensor as it is set."""
+        return self._engine.chain()
+
+    def set_chain(self, sensor: str, values: Mapping[str, float]) -> None:
+        """Change the preprocessing of one sensor from the next sample on, through reconnection, reboot and failure.
+
+        Raises:
+            ValueError: unknown sensor or parameter, or a value outside its limits; nothing is changed then.
+        """
+        self._engine.set_chain(sensor, values)
+        self._chain_values.setdefault(sensor, {}).update(values)
+
+    def mag_learning(self) -> MagLearnState | None:
+        """Return what was learned of the magnetic offset; None when it does not run."""
+        return self._engine.mag_learning()
+
+    def set_mag_learning(self, run: bool, apply: bool) -> None:
+        """Switch learning in flight and its use on or off, through reconnection, reboot and failure."""
+        self.mag_learning_switches = (run, apply)
+        self._engine.set_mag_learning(run, apply)
+        words = {(False, False): "off", (True, False): "on, only watched", (True, True): "on and applied"}
+        self._tell("server", "mag-learning", "info", f"Learning the magnetic offset: {words.get((run, apply), 'off')}.")
+
     def note(self, code: str, severity: str, text: str) -> None:
         """Write something that the service did into the board's event log."""
         self._tell("server", code, severity, text)
@@ -173,6 +205,9 @@ class Board:
         for lane, values in self._lane_values.items():
             engine.set_lane_parameters(lane, values)
         engine.set_calibration(self.calibration)
+        for sensor, values in self._chain_values.items():
+            engine.set_chain(sensor, values)
+        engine.set_mag_learning(*self.mag_learning_switches)
         return engine
 
     async def _run_once(self) -> None:

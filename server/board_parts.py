@@ -8,12 +8,14 @@ from typing import TYPE_CHECKING, Protocol
 
 from server.link.base import Link
 from server.nav.calibration.applied import Calibration
-from server.nav.types import SampleBlock, Snapshot, StepResult
+from server.nav.types import Float, Kind, SampleBlock, Snapshot, StepResult
 from server.protocol.base import BoardProtocol
 from server.traffic import Detect
 
 if TYPE_CHECKING:
+    from server.nav.calibration.mag_learning import MagLearnState
     from server.nav.lanes.registry import LaneInfo  # importing it loads every kernel
+    from server.nav.preprocess.chain_parameters import ChainInfo
 
 
 class Engine(Protocol):
@@ -41,6 +43,26 @@ class Engine(Protocol):
 
     def set_calibration(self, calibration: Calibration) -> None:
         """Apply this calibration from the next sample on."""
+        ...
+
+    def converted(self, kind: Kind, rows: Float) -> Float:
+        """Return raw rows, shape (n, ROW_WIDTH), in SI and body axes."""
+        ...
+
+    def chain(self) -> tuple[ChainInfo, ...]:
+        """Return the preprocessing of every sensor as it is set."""
+        ...
+
+    def set_chain(self, sensor: str, values: Mapping[str, float]) -> None:
+        """Change one sensor's preprocessing from the next sample on; `ValueError` for what it does not take."""
+        ...
+
+    def set_mag_learning(self, run: bool, apply: bool) -> None:
+        """Switch learning the magnetic offset in flight, and its use, on or off."""
+        ...
+
+    def mag_learning(self) -> MagLearnState | None:
+        """Return what was learned; None when it does not run."""
         ...
 
 

@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 import math
-from collections.abc import Mapping
+from collections.abc import Mapping, Sequence
 from typing import TYPE_CHECKING
 
 from server.board import Board
@@ -17,7 +17,7 @@ if TYPE_CHECKING:
 def choose_lanes(board: Board, command: ChooseLanes) -> Done | Refusal:
     """Have the board run these lanes and no others."""
     known = [info.name for info in board.lanes()]
-    refusal = next((no_lane(name, known) for name in command.lanes if name not in known), None) or _not_now(board)
+    refusal = next((no_lane(name, known) for name in command.lanes if name not in known), None) or not_now(board)
     if refusal is not None:
         return refusal
     try:
@@ -33,7 +33,7 @@ def set_lane_parameters(board: Board, command: SetLaneParameters) -> Done | Refu
     infos = {info.name: info for info in board.lanes()}
     if command.lane not in infos:
         return no_lane(command.lane, list(infos))
-    refusal = _refused_value(infos[command.lane], command.values) or _not_now(board)
+    refusal = refused_value(command.lane, infos[command.lane].parameters, command.values) or not_now(board)
     if refusal is not None:
         return refusal
     defaults = {one.name: one.default for one in infos[command.lane].parameters}
@@ -67,7 +67,8 @@ def not_running(board_id: str, info: LaneInfo) -> Refusal:
     return Refusal(kind=RefusalKind.CONFLICT, code="lane-not-running", detail=detail, remedy=remedy)
 
 
-def _not_now(board: Board) -> Refusal | None:
+def not_now(board: Board) -> Refusal | None:
+    """Refuse while the board's program does not run; None when it does."""
     if board.state == "running":
         return None
     detail = f"Board {board.id} has {board.state}, so none of its estimators work."
@@ -75,15 +76,16 @@ def _not_now(board: Board) -> Refusal | None:
     return Refusal(kind=RefusalKind.CONFLICT, code="board-not-running", detail=detail, remedy=remedy)
 
 
-def _refused_value(info: LaneInfo, values: Mapping[str, float | None]) -> Refusal | None:
-    known = {one.name: one for one in info.parameters}
+def refused_value(owner: str, parameters: Sequence[Parameter], values: Mapping[str, float | None]) -> Refusal | None:
+    """Refuse a name that the owner (a lane, a sensor) does not have, or a value outside its limits."""
+    known = {one.name: one for one in parameters}
     for name, value in values.items():
         if name not in known:
-            detail = f"Lane {info.name} has no parameter {name[:80]!r}."
+            detail = f"{owner} has no parameter {name[:80]!r}."
             remedy = f"One of: {', '.join(known)}." if known else "Leave it as it is: it repeats what others computed."
             return _invalid("no-such-parameter", detail, remedy, name[:80], str(value))
         if value is not None and not known[name].minimum <= value <= known[name].maximum:
-            return _out_of_range(info.name, known[name], value)
+            return _out_of_range(owner, known[name], value)
     return None
 
 

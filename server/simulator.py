@@ -50,6 +50,7 @@ class Spin:
     """Turn the board on one spot for the magnetometer.
 
     Attributes:
+        duration_s: at most; a rest of it too short for another spiral is left out.
         about: "" = every direction of the field in the body within 40 s; an axis = that one only, kept upright.
     """
 

@@ -7,7 +7,7 @@ from typing import Any, Final
 from fastapi import APIRouter, FastAPI
 from starlette.types import ASGIApp, Message, Receive, Scope, Send
 
-from server.api import boards, calibration_sets, calibrations, docs, service, simulator
+from server.api import boards, calibration_sets, calibrations, docs, preprocessing, service, simulator
 from server.api.context import Context
 from server.api.errors import install_errors
 from server.api.openapi import openapi_of
@@ -51,7 +51,7 @@ def make_app(context: Context, *more: APIRouter) -> FastAPI:
     app.state.context = context
     app.add_middleware(HeadAsGet)
     install_errors(app)
-    calibrating = (calibrations.router, calibration_sets.router, simulator.router)
+    calibrating = (calibrations.router, calibration_sets.router, preprocessing.router, simulator.router)
     for router in (service.router, service.ops_router, boards.router, *calibrating, docs.router, *more):
         app.include_router(router)
     app.router.default = page_or_404

@@ -8,7 +8,7 @@ from dataclasses import dataclass
 from typing import Final
 
 from server.nav.calibration.types import GRAVITY_M_S2, CalKind
-from server.nav.types import Kind
+from server.nav.types import SAMPLE_COLUMNS, Kind
 
 AXES: Final = "xyz"
 _DEG: Final = math.pi / 180.0
@@ -85,6 +85,9 @@ TIMES: Final = {
 BARE_TIMES: Final = ("t", "time", "timestamp")
 """Seconds, when their steps are those of seconds."""
 
+TEMPERATURE_PLACE: Final = {
+    kind: SAMPLE_COLUMNS[kind].index("temperature_degc") for kind in (Kind.IMU, Kind.BARO, Kind.AIRSPEED)
+}
 SI_UNITS: Final = {"gyro": "rad/s", "accel": "m/s²", "mag": "gauss", "pressure": "Pa", "diff_pressure": "Pa"}
 
 SENSOR_OF_XYZ: Final = {

@@ -9,8 +9,10 @@ from typing import Final
 
 import numpy as np
 
+from server.calibrate.columns import TEMPERATURE_PLACE
 from server.calibrate.errors import CalibrateError
 from server.calibrate.order import Piece
+from server.calibrate.text import read_text
 from server.calibration.feeding import runs
 from server.magnetic import wmm_field
 from server.nav.codes import FUSED
@@ -22,6 +24,7 @@ from server.replay.errors import ReplayError
 from server.replay.options import merged
 from server.replay.source import BLOCK_ROWS, LogInput, load
 
+TEMPERATURE: Final = "temperature_degc"
 PATIENCE: Final = 20
 LIKELY_GAUSS: Final = (0.15, 1.5)
 """As `check_mag`: so many samples in a row outside of this decade, and the unit is looked for again."""
@@ -60,7 +63,9 @@ def read_log(path: Path) -> Log:
         settings = merged(source.overrides)
     except ReplayError as error:
         raise CalibrateError(str(error)) from error
-    scale = mag_scale(blocks)
+    if path.is_dir():
+        _add_temperatures(path, blocks)
+    scale = 1.0 if path.is_dir() and says_gauss(blocks) else mag_scale(blocks)
     pieces = [Piece(kind=k, t_ns=t, rows=rows) for block in blocks for k, t, rows in runs(block, scale)]
     return Log(pieces=tuple(pieces), site=_site(blocks, settings), notes=tuple(_notes(source, scale, blocks)))
 
@@ -78,6 +83,30 @@ def mag_scale(blocks: Sequence[SampleBlock]) -> float:
             if good >= PROVEN_SAMPLES:
                 return scale
     return scale
+
+
+def says_gauss(blocks: Sequence[SampleBlock]) -> bool:
+    """Tell whether gauss, which a folder's columns are named, is likely for most samples: then the name is believed.
+
+    The samples of a job are kept in gauss, and may begin where a magnet makes the first one unlikely.
+    """
+    norms = np.concatenate([np.linalg.norm(block.data[block.kind == Kind.MAG, :3], axis=1) for block in blocks] or [[]])
+    likely = (norms >= LIKELY_GAUSS[0]) & (norms < LIKELY_GAUSS[1])
+    return bool(2 * likely.sum() > np.isfinite(norms).sum())
+
+
+def _add_temperatures(path: Path, blocks: Sequence[SampleBlock]) -> None:
+    """Put in the temperatures that a job keeps beside its samples and a replay has no use for."""
+    for kind, place in TEMPERATURE_PLACE.items():
+        file = path / f"{kind.name.lower()}.csv"
+        text = read_text(file) if file.is_file() else None
+        if text is None or text.t_ns is None or TEMPERATURE not in text.names or not len(text.t_ns):
+            continue
+        known_ns, first = np.unique(text.t_ns, return_index=True)
+        value = text.numbers[first, text.names.index(TEMPERATURE)]
+        for block in blocks:
+            mine = block.kind == kind
+            block.data[mine, place] = value[np.searchsorted(known_ns, block.t_ns[mine]).clip(max=len(value) - 1)]
 
 
 def _site(blocks: Sequence[SampleBlock], settings: EngineSettings) -> Site | None:
@@ -101,7 +130,7 @@ def _take_first_fix(finder: SiteFinder, block: SampleBlock) -> None:
 
 
 def _notes(source: LogInput, scale: float, blocks: Sequence[SampleBlock]) -> list[str]:
-    found = list(source.account().notes)
+    found = [note for note in source.account().notes if not note.endswith(f"are ignored: {TEMPERATURE}")]
     if scale not in {0.0, 1.0}:
         found.append(
             f"The magnetometer is reported in another unit than gauss: its values are multiplied by {scale:g}."

@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Sequence
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from pathlib import Path
 from typing import Final
 
@@ -17,6 +17,7 @@ from server.calibrate.columns import (
     NEEDED,
     SENSOR_OF_XYZ,
     SI_UNITS,
+    TEMPERATURE_PLACE,
     TIMES,
     Target,
     accepted,
@@ -135,7 +136,19 @@ def _targets(path: Path, names: Sequence[str], told: Told, notes: list[str]) -> 
     if strange:
         notes.append(f"{path}: columns that are not used: {', '.join(strange)}.")
     _check_once(path, names, found)
-    return {column: target for column, target in found.items() if told.unit or target.unit or target.sensor in needed}
+    used = {column: target for column, target in found.items() if told.unit or target.unit or target.sensor in needed}
+    return _with_temperature(used)
+
+
+def _with_temperature(targets: dict[int, Target]) -> dict[int, Target]:
+    """Give the temperature to the first of IMU, barometer and airspeed that the file has; to none, it is not used."""
+    kinds = {target.kind for target in targets.values() if target.sensor != "temperature"}
+    owner = next((kind for kind in TEMPERATURE_PLACE if kind in kinds), None)
+    out = {column: target for column, target in targets.items() if target.sensor != "temperature"}
+    for column, target in targets.items():
+        if target.sensor == "temperature" and owner is not None:
+            out[column] = replace(target, kind=owner, place=TEMPERATURE_PLACE[owner])
+    return out
 
 
 def _target(name: str, told: Told) -> Target | None:

@@ -18,9 +18,9 @@ from server.calibrate.order import Piece
 from server.calibrate.pieces import DEFAULT_RATE_HZ, read_csvs
 from server.calibrate.told import Ranges, Told, ranges_of
 from server.magnetic import WMM_EPOCH_YEAR, wmm_field
-from server.nav.calibration.applied import Calibration
-from server.nav.calibration.registry import NEEDS_CALIBRATED, collector_for
-from server.nav.calibration.types import GRAVITY_M_S2, SENSOR_OF, CalKind, Check, Collector, Fit, Options
+from server.nav.calibration.applied import Calibration, conditioned, merged
+from server.nav.calibration.registry import collector_for
+from server.nav.calibration.types import GRAVITY_M_S2, SENSOR_OF, CalKind, Check, Collector, Fit, Options, Value
 from server.nav.earth import normal_gravity
 from server.nav.types import Float, Int, Kind, Site
 
@@ -149,9 +149,27 @@ def _fit_ranges(collector: Collector, pieces: Sequence[Piece], ranges: Ranges, t
     fit_ranges = cast(FitRanges | None, getattr(collector, "fit_ranges", None))
     if fit_ranges is not None:
         return fit_ranges(t_ns, rows, list(ranges))
-    for start, stop in ranges:
-        collector.feed(mine, t_ns[start:stop], np.ascontiguousarray(rows[start:stop]))
+    _feed(collector, _cut(pieces, mine, t_ns, ranges))
     return collector.fit()
+
+
+def _cut(pieces: Sequence[Piece], mine: Kind, t_ns: Int, ranges: Ranges) -> list[Piece]:
+    """Return the samples of the stretches alone; of other sensors those stamped within them."""
+    wanted = np.zeros(len(t_ns), dtype=bool)
+    for start, stop in ranges:
+        wanted[start:stop] = True
+    found, before = [], 0
+    for piece in pieces:
+        if piece.kind is mine:
+            keep = wanted[before : before + len(piece.t_ns)]
+            before += len(piece.t_ns)
+        else:
+            keep = np.zeros(len(piece.t_ns), dtype=bool)
+            for start, stop in ranges:
+                keep |= (piece.t_ns >= t_ns[start]) & (piece.t_ns <= t_ns[stop - 1])
+        if keep.any():
+            found.append(Piece(kind=piece.kind, t_ns=piece.t_ns[keep], rows=piece.rows[keep]))
+    return found
 
 
 def _present(files: Sequence[Path]) -> Calibration:
@@ -163,7 +181,8 @@ def _present(files: Sequence[Path]) -> Calibration:
             if not made["ok"]:
                 raise CalibrateError(f"--applied {path} is a refused calibration. Give one that was fitted.")
             kind = CalKind(made["kind"])
-            found = found.having(SENSOR_OF[kind], made["parameters"])
+            values, sigma = _arrays(made["parameters"]), _arrays(made["sigma"])
+            found = found.having(SENSOR_OF[kind], merged(kind, values, sigma, found))
         except OSError as error:
             raise CalibrateError(f"--applied {path} cannot be read: {error.strerror}. Check the path.") from error
         except (KeyError, TypeError, ValueError) as error:
@@ -175,9 +194,13 @@ def _present(files: Sequence[Path]) -> Calibration:
     return found
 
 
+def _arrays(values: Mapping[str, Any]) -> dict[str, Value]:
+    """Return JSON's numbers as arrays; null is NaN."""
+    return {name: np.asarray(value, dtype=np.float64) for name, value in values.items()}
+
+
 def _conditioned(kind: CalKind, pieces: Sequence[Piece], present: Calibration) -> Sequence[Piece]:
     """Return the samples as the kind wants them: raw, or with the present calibration as live gives it."""
-    if kind not in NEEDS_CALIBRATED or present.is_identity:
+    if present.is_identity:
         return pieces
-    here = replace(present, level=np.eye(3)) if kind is CalKind.LEVEL else present
-    return [replace(p, rows=here.rows(p.kind, p.rows)) if p.kind is Kind.IMU else p for p in pieces]
+    return [replace(piece, rows=conditioned(kind, piece.kind, piece.rows, present)) for piece in pieces]

@@ -10,8 +10,9 @@ from typing import TYPE_CHECKING, Final
 
 from server.calibration.feeding import runs
 from server.calibration.job import Job, JobState
+from server.nav.calibration.applied import in_words_of
 from server.nav.calibration.codes import failure
-from server.nav.calibration.types import SENSOR_OF, Check, Collector, Fit, Sensor
+from server.nav.calibration.types import Check, Collector, Fit, Sensor
 
 if TYPE_CHECKING:
     from server.board import Board
@@ -70,7 +71,7 @@ class Driver:
                 job.end_verification(now_s)
 
     def _feed(self, active: list[Job], result: StepResult, mag_scale: float, now_s: float) -> None:
-        for kind, t_ns, rows in runs(result.block, mag_scale):
+        for kind, t_ns, rows in runs(result.block, mag_scale, self._board.converted):
             for job in active:
                 if job.state is JobState.FITTING:
                     continue
@@ -96,7 +97,7 @@ def fitted(collector: Collector, job: Job) -> tuple[Fit, Check | None]:
     """Fit, and judge the present calibration on the same data; blocks, so it runs in a thread."""
     try:
         fit = collector.fit()
-        present = collector.check(job.present.of(SENSOR_OF[job.kind])) if fit.ok and has_present(job) else None
+        present = collector.check(in_words_of(job.kind, job.present)) if fit.ok and has_present(job) else None
     except (ArithmeticError, ValueError, IndexError, KeyError) as error:  # a defect of ours: the job says so
         log.error("calibration %s failed", job.id, exc_info=error)
         return Fit(kind=job.kind, failure=failure("program")), None

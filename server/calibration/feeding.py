@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Iterator
+from collections.abc import Callable, Iterator
 from typing import Final
 
 import numpy as np
@@ -13,12 +13,15 @@ FED: Final = (Kind.IMU, Kind.MAG, Kind.BARO, Kind.AIRSPEED)
 _IS_FED: Final = np.isin(np.arange(256), [int(kind) for kind in FED])
 
 
-def runs(block: SampleBlock, mag_scale: float) -> Iterator[tuple[Kind, Int, Float]]:
+def runs(
+    block: SampleBlock, mag_scale: float, converted: Callable[[Kind, Float], Float] = lambda _kind, rows: rows
+) -> Iterator[tuple[Kind, Int, Float]]:
     """Yield stretches of samples of one kind, in order of arrival: (kind, t_ns (n,), rows (n, ROW_WIDTH)).
 
     Args:
         block: as the protocol gave it.
         mag_scale: factor to gauss; 0 = not known yet, and magnetometer samples are left out.
+        converted: from the sensor's own counts and mounting to SI and body axes, where such are set.
     """
     at = np.flatnonzero(_IS_FED[block.kind])
     if not at.size:
@@ -27,9 +30,10 @@ def runs(block: SampleBlock, mag_scale: float) -> Iterator[tuple[Kind, Int, Floa
     cuts = np.flatnonzero(np.diff(kinds)) + 1
     for part in np.split(at, cuts):
         kind = Kind(int(block.kind[part[0]]))
-        rows = np.ascontiguousarray(block.data[part])
+        rows = converted(kind, np.ascontiguousarray(block.data[part]))
         if kind is Kind.MAG:
             if mag_scale == 0.0:
                 continue
+            rows = rows.copy()
             rows[:, :3] *= mag_scale
         yield kind, np.ascontiguousarray(block.t_ns[part]), rows

@@ -12,11 +12,9 @@ from dataclasses import dataclass, field, replace
 from enum import StrEnum
 from typing import Final
 
-import numpy as np
-
-from server.nav.calibration.applied import Calibration
+from server.nav.calibration.applied import Calibration, conditioned
 from server.nav.calibration.codes import failure
-from server.nav.calibration.registry import NEEDS_CALIBRATED, collector_for
+from server.nav.calibration.registry import collector_for
 from server.nav.calibration.types import (
     SENSOR_OF,
     CalKind,
@@ -27,7 +25,6 @@ from server.nav.calibration.types import (
     Options,
     Progress,
     Sensor,
-    Value,
 )
 from server.nav.types import Float, Int, Kind
 
@@ -135,14 +132,8 @@ class Job:
                 self.state = JobState.COLLECTING
         target = self._verifier if self.state is JobState.VERIFYING else self._collector
         if target is not None:
-            target.feed(kind, t_ns, self._conditioned(kind, rows))
+            target.feed(kind, t_ns, conditioned(self.kind, kind, rows, self.present))
             self._progress = None
-
-    def _conditioned(self, kind: Kind, rows: Float) -> Float:
-        if self.kind not in NEEDS_CALIBRATED or kind is not Kind.IMU:
-            return rows
-        level = np.eye(3) if self.kind is CalKind.LEVEL else self.present.level
-        return replace(self.present, level=level).rows(kind, rows)
 
     def look(self, now_s: float) -> None:
         """Notice silence and the end of the time."""
@@ -214,7 +205,3 @@ class Job:
     def applied(self, set_id: str) -> None:
         """Note the set that was made of the result and put in force."""
         self.set_id, self.state = set_id, JobState.APPLIED
-
-    def parameters(self) -> dict[str, Value]:
-        """Return what was found; {} before."""
-        return dict(self.fit.parameters) if self.fit is not None and self.fit.ok else {}

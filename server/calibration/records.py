@@ -6,7 +6,7 @@ from collections.abc import Mapping
 from dataclasses import dataclass, field
 from typing import Any, Literal
 
-from server.nav.calibration.applied import merged
+from server.nav.calibration.applied import Calibration, merged
 from server.nav.calibration.types import (
     NAN,
     SENSOR_OF,
@@ -60,13 +60,13 @@ class CalibrationSet:
     details: Mapping[str, float] = field(default_factory=dict)
 
 
-def set_from_fit(fit: Fit, *, board_id: str, present: Mapping[str, Value], **provenance: str) -> CalibrationSet:
+def set_from_fit(fit: Fit, *, board_id: str, present: Calibration, **provenance: str) -> CalibrationSet:
     """Return the set a successful fit amounts to, with what the kind does not find taken from the present parameters.
 
     Args:
         fit: what was found.
         board_id: whose it is.
-        present: the sensor's parameters in force (`Calibration.of(sensor)`).
+        present: what is in force on the board.
         **provenance: further fields of `CalibrationSet`: created_by, software_version, source, samples_file, …
 
     Raises:
@@ -74,7 +74,7 @@ def set_from_fit(fit: Fit, *, board_id: str, present: Mapping[str, Value], **pro
     """
     if not fit.ok:
         raise ValueError("a refused fit has no parameters to keep")
-    parameters = merged(fit.kind, fit.parameters, present)
+    parameters = merged(fit.kind, fit.parameters, fit.sigma, present)
     fields: dict[str, Any] = {
         "board_id": board_id,
         "sensor": SENSOR_OF[fit.kind],

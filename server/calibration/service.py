@@ -228,15 +228,8 @@ class Calibrations:
             return Refusal(
                 kind=RefusalKind.CONFLICT, code="dry-run", detail=f"Job {job.id} is a dry run.", remedy=remedy
             )
-        found = self._set_of(job, job.fit, board, by)
-
-        def keep() -> CalibrationSet:
-            stored = self.store.add(found)
-            self.store.apply(board.id, stored.id, by.name)
-            return stored
-
         try:
-            stored = await asyncio.to_thread(keep)
+            stored = await asyncio.to_thread(self._kept, self._set_of(job, job.fit, board, by), by)
         except (OSError, StoreError) as error:
             return store_failed(error)
         job.applied(stored.id)
@@ -247,7 +240,7 @@ class Calibrations:
         found = set_from_fit(
             fit,
             board_id=board.id,
-            present=board.calibration.of(job.sensor),
+            present=job.present,
             created_by=by.name,
             software_version=self._version,
             source=job.id,
@@ -261,6 +254,45 @@ class Calibrations:
         if job is None:
             return None
         return CalibrationScene(job_id=job.id, kind=job.kind, state=job.state.value, progress=job.progress, fit=job.fit)
+
+    async def keep_learned(self, board: Board, by: Person) -> CalibrationSet | Refusal:
+        """Make what the magnetometer learned in flight a calibration set, and put it in force; learning begins anew."""
+        state = board.mag_learning()
+        if state is None or not state.converged:
+            return Refusal(
+                kind=RefusalKind.CONFLICT,
+                code="not-settled",
+                detail="Nothing has been learned that may be kept.",
+                remedy="Switch learning on, and let the vehicle turn about more than one axis.",
+            )
+        fit = Fit(
+            kind=CalKind.MAG_IN_FLIGHT,
+            parameters={"offset": state.offset_gauss},
+            sigma={"offset": state.sigma_gauss},
+            details={"residual_gauss": state.residual_gauss},
+        )
+        found = set_from_fit(
+            fit,
+            board_id=board.id,
+            present=board.calibration,
+            created_by=by.name,
+            software_version=self._version,
+            source="learned in flight",
+        )
+        try:
+            kept = await asyncio.to_thread(self._kept, found, by)
+        except (OSError, StoreError) as error:
+            return store_failed(error)
+        run, _ = board.mag_learning_switches
+        board.set_mag_learning(False, False)  # what was learned is in the calibration now: it starts from nothing
+        await self.reload(board)
+        board.set_mag_learning(run, False)
+        return kept
+
+    def _kept(self, found: CalibrationSet, by: Person) -> CalibrationSet:
+        stored = self.store.add(found)
+        self.store.apply(found.board_id, stored.id, by.name)
+        return stored
 
     async def reload(self, board: Board) -> None:
         """Put in force what the store says is in force."""

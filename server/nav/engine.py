@@ -423,6 +423,7 @@ class NavEngine:
             steps=self._steps,
             vehicle=VehicleClass(self._vehicle),
             delays=self._bank.delays(),
+            mag_bias=self._bank.mag_bias(),
             told_delays=self._told_delays,
             filter_delays=self._conditioning.delays(),
             consistency=consistency(self._book, self._nees) if MAIN in self._bank.chosen else (),

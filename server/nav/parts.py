@@ -5,7 +5,17 @@ from __future__ import annotations
 import numpy as np
 
 from server.nav.lanes.base import LaneResult
-from server.nav.types import AID_COLUMNS, ROW_WIDTH, STEP_COLUMNS, AidRows, Event, LaneRows, SampleBlock, StageRows
+from server.nav.types import (
+    AID_COLUMNS,
+    ROW_WIDTH,
+    STAGE_COLUMNS,
+    STEP_COLUMNS,
+    AidRows,
+    Event,
+    LaneRows,
+    SampleBlock,
+    StageRows,
+)
 
 
 class Part:
@@ -41,10 +51,10 @@ def join_aids(rows: list[AidRows]) -> AidRows:
 
 def join_stages(parts: list[tuple[StageRows, ...]]) -> tuple[StageRows, ...]:
     """Return the stages of one call, each sensor's as one table."""
-    found: dict[str, list[StageRows]] = {}
+    found: dict[str, list[StageRows]] = {sensor: [] for sensor in STAGE_COLUMNS}
     for part in parts:
         for rows in part:
-            found.setdefault(rows.sensor, []).append(rows)
+            found[rows.sensor].append(rows)
     return tuple(
         rows[0]
         if len(rows) == 1
@@ -52,6 +62,7 @@ def join_stages(parts: list[tuple[StageRows, ...]]) -> tuple[StageRows, ...]:
             sensor=sensor, t_ns=np.concatenate([r.t_ns for r in rows]), data=np.concatenate([r.data for r in rows])
         )
         for sensor, rows in found.items()
+        if rows
     )
 
 

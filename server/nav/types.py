@@ -485,6 +485,7 @@ class Snapshot:
     vehicle: VehicleClass = VehicleClass.UNKNOWN
     delays: tuple[DelayState, ...] = ()  # found on line; () when all were told
     told_delays: tuple[ToldDelay, ...] = ()  # those that nobody told are missing
+    mag_bias: tuple[float, ...] = ()  # the main lane's magnetic bias (3) and its σ (3), gauss; () when it has none
     consistency: tuple[ConsistencyHealth, ...] = ()  # the main lane's: groups with a reference, then "lane"
     filter_delays: tuple[
         ToldDelay, ...

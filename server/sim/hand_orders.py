@@ -10,7 +10,7 @@ import numpy as np
 from server.nav.types import Float
 from server.sim import quaternion as quat
 from server.sim.hand import Hand, Start, carried_home
-from server.sim.hand_turns import COAST_S, SWEEP_S, Turn, coast, hold, lay, move, on_and_on, sweep, whole_turns
+from server.sim.hand_turns import SWEEP_S, Turn, coast, hold, lay, move, on_and_on, sweep, whole_turns
 from server.simulator import Fly, Motion, Pose, Shake, Spin, Turntable
 
 STILL_RAD_S: Final = 1e-3
@@ -48,11 +48,10 @@ def hand_for(command: Motion, start: Start, start_ms: int, field_n: Float, ready
         turns.append(move(q_nb, vector, least_s))
         return _hand(start_ms, turns, (carry, carry_s), ((0.0, _length(turns)),))
     if isinstance(command, Shake):
-        turns.append(hold(q_nb, max(carry_s, COAST_S)) if lying else lay(q_nb, LEVEL_B, least_s))
-        begin_s = _length(turns)
+        turns.append(hold(q_nb, 0.0) if lying else lay(q_nb, LEVEL_B, least_s))
+        begin_s = 0.0 if lying else _length(turns)
         shaking = (begin_s, begin_s + command.duration_s)
-        trembling = () if lying else ((0.0, begin_s),)
-        return _hand(start_ms, turns, (carry, carry_s), trembling, shaking, command.strength_m_s2)
+        return _hand(start_ms, turns, (carry, carry_s), ((0.0, begin_s),), shaking, command.strength_m_s2)
     if isinstance(command, Turntable):
         turns.append(lay(q_nb, UPRIGHT_B[AXES.index(command.axis)], least_s))
         laid_s = _length(turns)

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import math
 from typing import Final
 
 import numpy as np
@@ -15,9 +16,12 @@ AIR_KG_M3: Final = 1.17
 NOISE_PA: Final = 0.8  # Sensirion SDP3x 0.1 Pa, TE MS4525 2 Pa
 DRIFT_PA: Final = 0.3
 DRIFT_S: Final = 200.0
-GUST_M_S: Final = 1.6
-GUST_MEAN_M_S: Final = 4.0
-GUST_S: Final = 1.5
+FAN_M_S: Final = 8.0
+FAN_SWING_M_S: Final = 5.0
+FAN_S: Final = 2.5
+"""A fan that swings to and fro: 5 to 100 Pa. Regular, so that a few seconds are enough to see it."""
+GUST_M_S: Final = 1.5
+GUST_S: Final = 1.0
 STEP_S: Final = 0.1
 
 
@@ -39,8 +43,9 @@ class Pitot:
         """
         rows = slice(100, None, 100)
         speed = np.vecmat(state.vel_n_m_s[rows] - state.wind_n_m_s[rows], state.R_nb[rows])[:, 0]
+        fan = FAN_M_S + FAN_SWING_M_S * np.sin(2.0 * math.pi / FAN_S * state.t_s[rows])
         gusts = np.concatenate([self._gust.step(), self._gust.step()])
-        speed = speed + (GUST_MEAN_M_S + gusts if is_windy else 0.0)
+        speed = speed + (fan + gusts if is_windy else 0.0)
         fresh = 0.5 * AIR_KG_M3 * np.maximum(speed, 0.0) ** 2 + self._offset_pa + self._drift.step()
         fresh = fresh + self._noise * NOISE_PA * self._rng.standard_normal(2)
         values = np.concatenate([fresh[:1] if self._last is None else self._last, fresh])

@@ -326,6 +326,17 @@ def test_a_known_heading_gives_the_offset_that_was_put_on(tmp_path: Path) -> Non
     turned = result("mag_fixed_heading", *files, "--heading-deg", -40, *place)
     assert np.linalg.norm(np.array(turned["parameters"]["offset"]) - offset) > 0.3
     assert result("mag_fixed_heading", *files, *place, status=3)["failure"]["code"] == "heading-unknown"
+    part = result("mag_fixed_heading", *files, "--heading-deg", 130, *place, "--ranges", "50:400")
+    np.testing.assert_allclose(part["parameters"]["offset"], offset, atol=2e-3)
+    assert 300 < part["samples"] <= 350
+    earlier = tmp_path / "mag.json"
+    soft = [[1.1, 0.0, 0.0], [0.0, 0.9, 0.0], [0.0, 0.0, 1.05]]
+    told = {"ok": True, "kind": "mag_ellipsoid", "sigma": {}, "parameters": {"offset": [0, 0, 0], "matrix": soft}}
+    earlier.write_text(json.dumps(told))
+    bent = write(files[1].with_name("bent.csv"), "t_ns,mag_x_gauss,mag_y_gauss,mag_z_gauss",
+                 mag @ np.linalg.inv(soft).T, stamps_ns(500, 50.0))  # fmt: skip
+    again = result("mag_fixed_heading", files[0], bent, "--heading-deg", 130, *place, "--applied", earlier)
+    np.testing.assert_allclose(again["parameters"]["offset"], found["parameters"]["offset"], atol=1e-9)
     nowhere = result("mag_fixed_heading", *files, "--heading-deg", 130, status=3)
     assert nowhere["failure"]["code"] == "field-unknown"
 
@@ -344,6 +355,11 @@ def test_the_zero_of_airspeed_and_barometer_is_a_number(tmp_path: Path) -> None:
     ))  # fmt: skip
     height = result("baro_reference", baro, "--height-m", 408.5)
     assert height["parameters"]["bias"] == pytest.approx(22.5, abs=0.02)
+    climbing = baro.with_name("climb.csv")
+    climbing.write_text(baro.read_text() + "".join(f"{40 + 0.1 * k},{431 + k}\n" for k in range(200)))
+    assert result("baro_reference", climbing, "--height-m", 408.5, status=3)["failure"]["code"] == "motion"
+    part = result("baro_reference", climbing, "--height-m", 408.5, "--ranges", "0:400")
+    assert part["parameters"] == height["parameters"]
 
 
 def test_learning_in_motion_follows_an_offset_that_is_put_on(tmp_path: Path) -> None:

@@ -9,6 +9,7 @@ import pytest
 
 from server.calibrate.errors import CalibrateError
 from server.calibrate.logs import is_log, mag_scale, read_log
+from server.calibration.samples import SampleFile
 from server.magnetic import wmm_field
 from server.nav.engine import NavEngine
 from server.nav.types import ROW_WIDTH, EngineSettings, Kind, SampleBlock
@@ -59,6 +60,39 @@ def test_a_folder_gives_its_raw_samples_and_its_site(tmp_path: Path) -> None:
     assert log.site.field_n_gauss == pytest.approx(wmm_field(LAT_DEG, LON_DEG, ALT_M, 2026.89)[0], abs=2e-4)
     field = np.concatenate([piece.rows[:, :3] for piece in log.pieces if piece.kind is Kind.MAG])
     np.testing.assert_allclose(field.mean(axis=0), FIELD_N_GAUSS, atol=1e-3)
+
+
+def test_a_job_s_kept_samples_come_back_bit_for_bit(tmp_path: Path) -> None:
+    """The kept folder is the job's: gauss already, though a magnet lay beside the board at first; temperatures too."""
+    rng = np.random.default_rng(9)
+    t_ns = np.arange(200, dtype=np.int64) * 10_000_001
+    imu, mag = np.full((200, ROW_WIDTH), np.nan), np.full((200, ROW_WIDTH), np.nan)
+    imu[:, :7] = rng.normal(0.0, 1.0, (200, 7))
+    mag[:, :3] = rng.normal([0.3, 0.2, 0.4], 0.01, (200, 3))
+    mag[:5, :3] *= 4.0
+    kept = SampleFile(tmp_path / "job")
+    for k in range(0, 200, 50):
+        kept.add(Kind.MAG, t_ns[k : k + 50], mag[k : k + 50])
+        kept.add(Kind.IMU, t_ns[k : k + 50], imu[k : k + 50])
+    kept.close()
+    log = read_log(tmp_path / "job")
+    for kind, rows in ((Kind.IMU, imu), (Kind.MAG, mag)):
+        mine = [piece for piece in log.pieces if piece.kind is kind]
+        np.testing.assert_array_equal(np.concatenate([piece.rows for piece in mine]), rows)
+        np.testing.assert_array_equal(np.concatenate([piece.t_ns for piece in mine]), t_ns)
+    assert log.notes == ()
+
+
+def test_a_folder_in_another_unit_than_its_name_says_is_scaled(tmp_path: Path) -> None:
+    folder = static_board(tmp_path, duration_s=3.0, imu_hz=50.0)
+    lines = (folder / "mag.csv").read_text().splitlines()
+    cells = [line.split(",") for line in lines[1:]]
+    scaled = [",".join([t, *(repr(float(v) * 1e3) for v in values)]) for t, *values in cells]
+    (folder / "mag.csv").write_text("\n".join([lines[0], *scaled]) + "\n")
+    log = read_log(folder)
+    field = np.concatenate([piece.rows[:, :3] for piece in log.pieces if piece.kind is Kind.MAG])
+    np.testing.assert_allclose(field.mean(axis=0), FIELD_N_GAUSS, atol=1e-3)
+    assert any("multiplied by 0.001" in note for note in log.notes)
 
 
 def test_a_tlog_s_field_comes_out_in_gauss_and_its_site_is_the_engine_s(shared_data: Path) -> None:

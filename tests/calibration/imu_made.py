@@ -1,4 +1,4 @@
-"""An IMU whose truth is known: poses, hand movements between them, turns; noise, offset, scale and placement as told."""
+"""An IMU whose truth is known: poses, hand movements between them, turns; noise and placement as told."""
 
 from dataclasses import dataclass, field
 

@@ -46,7 +46,7 @@ def multi(t_ns: Int, accel: Float, **options: object) -> Fit:
 
 @pytest.mark.parametrize("placement_deg", [0.0, 1.0, 2.0])
 def test_six_faces_give_the_theses_matrix_and_offset_back_within_three_sigma(placement_deg: float) -> None:
-    """S0's T and offset through noise, 40 boards: as many of 480 numbers outside 3σ as a normal law has, with margin."""
+    """S0's T and offset through noise, 40 boards: of 480 numbers hardly one is outside 3σ."""
     outside, spread = 0, []
     for seed in range(40):
         rng = np.random.default_rng(seed)
@@ -182,8 +182,7 @@ def test_a_shaking_hand_and_bumps_cost_little(rate_hz: float) -> None:
     fit = six(t_ns, accel)
     assert fit.ok
     assert np.max(np.abs(np.asarray(fit.parameters["offset"]) - S0_OFFSET)) < 0.01 * GRAVITY
-    scale = np.linalg.svd(np.asarray(fit.parameters["matrix"]))[1] / np.linalg.svd(S0_MATRIX)[1]
-    assert np.max(np.abs(scale - 1.0)) < 0.005
+    assert np.max(np.abs(np.diag(np.asarray(fit.parameters["matrix"])) - np.diag(S0_MATRIX))) < 0.005
 
 
 def refusal(fit: Fit) -> str:

@@ -179,6 +179,21 @@ class FakeEngine:
     def set_calibration(self, calibration: Calibration) -> None:
         self.calibration = calibration
 
+    def converted(self, kind: Kind, rows: np.ndarray) -> np.ndarray:
+        return rows
+
+    def chain(self) -> tuple[()]:
+        return ()
+
+    def set_chain(self, sensor: str, values: Mapping[str, float]) -> None:
+        raise ValueError(f"there is no preprocessing of {sensor}")
+
+    def set_mag_learning(self, run: bool, apply: bool) -> None:
+        self.learning = (run, apply)
+
+    def mag_learning(self) -> None:
+        return None
+
     def _estimating(self) -> list[str]:
         return [name for name in ESTIMATING if name in self.chosen and name not in self.failures]
 

@@ -13,7 +13,7 @@ from server.nav.calibration.statistics import rms
 from server.nav.calibration.types import NAN, CalKind, Check, Failure, Fit, Options, Residual, Value
 from server.nav.types import Float
 
-MOTION_S = 5.0  # no pose in so long: it was moving
+MOTION_S = 3.0  # no pose in so long: it was moving
 
 
 def means_of(poses: Sequence[Pose]) -> Float:

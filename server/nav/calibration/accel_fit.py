@@ -12,7 +12,9 @@ from dataclasses import dataclass
 from typing import Final
 
 import numpy as np
+from numpy.typing import NDArray
 from scipy.optimize import least_squares
+from scipy.special import stdtrit
 
 from server.nav.calibration.poses import Pose
 from server.nav.types import Float
@@ -23,6 +25,7 @@ REFERENCES: Final = np.array([[1, 0, 0], [-1, 0, 0], [0, 1, 0], [0, -1, 0], [0, 
 LENGTH_SIGMA: Final = 3e-4  # of g: what non-linearity and temperature leave of a good MEMS sensor (0.3 mg)
 PLACEMENT_RAD: Final = float(np.radians(1.0))  # how well a hand puts a board on its faces
 PLACEMENT_WEIGHT: Final = 2.0  # observations that this belief is worth; six faces bring six of their own
+REJECT: Final = 1e-3  # chance that a good session loses a pose
 TRIANGLE: Final = ((0, 0), (1, 1), (2, 2), (0, 1), (0, 2), (1, 2))
 
 
@@ -35,7 +38,7 @@ class AccelFit:
         offset_sigma, matrix_sigma: 1σ of each.
         length: shape (k,), |a| − g of each pose, m/s².
         placement_rad: RMS angle between the poses and their faces, per axis; NaN for `fit_norm`.
-        weights: shape (k,), 1 = believed fully, 0 = not at all.
+        weights: shape (k,), 1 = used, 0 = left out because it does not fit the others.
     """
 
     offset: Float
@@ -137,27 +140,44 @@ def fit_norm(poses: Sequence[Pose], gravity: float) -> AccelFit:
     """Fit offset and a symmetric matrix so that every pose's length is g; 9 parameters.
 
     Symmetric, because it is the only choice that turns with the sensor and prefers no axis: the body axes are those
-    nearest to the sensor's. Poses are weighted by their noise; one that does not fit (it was moved) is weighted down by
-    Cauchy's loss about the residuals' own size, so that it cannot bend the rest.
+    nearest to the sensor's. Poses are weighted by their noise; one that does not fit the others (it was moved) is left
+    out, one at a time, as long as there are more poses than parameters.
     """
-    means = np.array([pose.accel for pose in poses])
-    n = normalised(poses, *sphere(means))
-    start = np.concatenate([np.zeros(3), [1, 1, 1, 0, 0, 0]])
-    solved = least_squares(norm_residuals, start, _norm_jacobian, args=(n,), x_scale="jac")
-    spread = 1.0
-    for _ in range(3):
-        spread = max(1.0, 1.4826 * float(np.median(np.abs(solved.fun))) * np.sqrt(len(poses) / (len(poses) - 8.0)))
-        solved = least_squares(
-            norm_residuals, solved.x, _norm_jacobian, args=(n,), loss="cauchy", f_scale=2.4 * spread, x_scale="jac"
-        )
-    r = norm_residuals(solved.x, n)
-    weights = 1.0 / (1.0 + (r / (2.4 * spread)) ** 2)
-    jac = _norm_jacobian(solved.x, n) * np.sqrt(weights)[:, None]
-    freedom = max(float(weights.sum()) - 9.0, 1.0)
-    scale = max(1.0, float(weights @ r**2) / freedom)
+    n = normalised(poses, *sphere(np.array([pose.accel for pose in poses])))
+    used = np.ones(len(poses), dtype=bool)
+    x, jac, r = _solve_norm(n, used)
+    while (worst := _outlier(jac, r)) >= 0:
+        used[np.flatnonzero(used)[worst]] = False
+        x, jac, r = _solve_norm(n, used)
+    scale = max(1.0, float(r @ r) / max(len(r) - 9.0, 1.0))
     cov = _covariance(jac) * scale
-    matrix = _symmetric(solved.x[3:])
-    return _result(n, solved.x[:3], matrix, cov, SYMMETRIC_JAC, gravity, placement_rad=float("nan"), weights=weights)
+    more = {"placement_rad": float("nan"), "weights": used.astype(np.float64)}
+    return _result(n, x[:3], _symmetric(x[3:]), cov, SYMMETRIC_JAC, gravity, **more)
+
+
+def _solve_norm(n: Normal, used: NDArray[np.bool_]) -> tuple[Float, Float, Float]:
+    """Return the solution over the poses in use, its Jacobian and residuals."""
+    part = Normal(centre=n.centre, radius=n.radius, u=n.u[used], sigma=n.sigma[used])
+    start = np.concatenate([np.zeros(3), [1, 1, 1, 0, 0, 0]])
+    x = least_squares(norm_residuals, start, _norm_jacobian, args=(part,), x_scale="jac").x
+    return x, _norm_jacobian(x, part), norm_residuals(x, part)
+
+
+def _outlier(jac: Float, r: Float) -> int:
+    """Return the pose whose externally studentised residual is beyond Student's law, −1 for none.
+
+    Its own share in the fit is taken out (hat matrix) and its own error out of the scatter, so that a bad pose does not
+    hide behind the scatter that it makes itself; 1 in 1000 good sessions loses a pose.
+    """
+    k, freedom = len(r), len(r) - 10
+    if freedom < 1:
+        return -1
+    hat = np.einsum("ij,jk,ik->i", jac, _covariance(jac), jac)
+    left = np.maximum(1.0 - hat, 1e-6)
+    without = np.maximum((r @ r - r**2 / left) / freedom, 1.0)
+    student = np.where(left > 0.02, np.abs(r) / np.sqrt(without * left), 0.0)
+    worst = int(np.argmax(student))
+    return worst if student[worst] > stdtrit(freedom, 1.0 - REJECT / (2 * k)) else -1
 
 
 def _face_residuals(x: Float, n: Normal, reference: Float, placement: float) -> Float:

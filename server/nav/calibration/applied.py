@@ -23,6 +23,9 @@ C_BARO: Final = 44  # bias, m
 CAL_SIZE: Final = 45
 
 
+OFFSET_ONLY: Final = frozenset({CalKind.MAG_FIXED_HEADING, CalKind.MAG_IN_FLIGHT})
+
+
 def _eye() -> Float:
     return np.eye(3)
 
@@ -132,16 +135,59 @@ class Calibration:
         return table[sensor]
 
 
-def merged(kind: CalKind, found: Mapping[str, Value], present: Mapping[str, Value]) -> dict[str, Value]:
+def conditioned(job: CalKind, kind: Kind, rows: Float, present: Calibration) -> Float:
+    """Return raw samples as a collector of this kind wants them.
+
+    Most want them raw. What works from gravity wants the accelerometer calibrated (LEVEL: but not levelled). What finds
+    a magnetic offset alone wants the matrix in force applied (MAG_FIXED_HEADING), or all of it (MAG_IN_FLIGHT, which
+    finds what is left); `merged` turns the offset back.
+
+    Args:
+        job: the kind of calibration.
+        kind: of the samples.
+        rows: shape (n, ROW_WIDTH), raw, the magnetometer's in gauss.
+        present: what is in force.
+    """
+    if kind is Kind.IMU and job is CalKind.LEVEL:
+        return replace(present, level=np.eye(3)).rows(kind, rows)
+    if kind is Kind.IMU and job in OFFSET_ONLY:
+        return present.rows(kind, rows)
+    if kind is Kind.MAG and job in OFFSET_ONLY:
+        return _without(present, job).rows(kind, rows)
+    return rows
+
+
+def _without(present: Calibration, job: CalKind) -> Calibration:
+    return replace(present, mag_offset=np.zeros(3)) if job is CalKind.MAG_FIXED_HEADING else present
+
+
+def merged(
+    kind: CalKind, found: Mapping[str, Value], sigma: Mapping[str, Value], present: Calibration
+) -> dict[str, Value]:
     """Return the sensor's whole parameters after a calibration that finds only part of them.
 
-    A gyro bias keeps the scale in force; an airspeed or baro bias, a matrix with its offset, are whole already.
+    A gyro bias keeps the scale in force, and so does a turntable for axes that were not turned (their σ is NaN). A
+    magnetic offset b found after the matrix M in force, from M (raw − o), is taken off as M (raw − o − M⁻¹ b).
     """
     if kind is CalKind.GYRO_BIAS:
-        return {"scale": present.get("scale", np.ones(3)), **found}
-    if kind in {CalKind.MAG_FIXED_HEADING, CalKind.MAG_IN_FLIGHT}:
-        return {"matrix": present.get("matrix", np.eye(3)), **found}
+        return {"scale": np.diag(present.gyro_matrix).copy(), **found}
+    if kind is CalKind.GYRO_SCALE:
+        turned = np.isfinite(np.asarray(sigma["scale"]))
+        return {**found, "scale": np.where(turned, found["scale"], np.diag(present.gyro_matrix))}
+    if kind in OFFSET_ONLY:
+        before = _without(present, kind)
+        offset = before.mag_offset + np.linalg.solve(present.level @ present.mag_matrix, np.asarray(found["offset"]))
+        return {"matrix": present.mag_matrix, "offset": offset}
     return {name: value for name, value in found.items() if name in {"offset", "matrix", "scale", "bias"}}
 
 
-__all__ = ["CAL_SIZE", "SENSOR_OF", "Calibration", "merged"]
+def in_words_of(kind: CalKind, present: Calibration) -> dict[str, Value]:
+    """Return the calibration in force in the parameters that this kind finds, so that its check can judge them."""
+    own = present.of(SENSOR_OF[kind])
+    if kind in OFFSET_ONLY:
+        before = _without(present, kind)
+        return {"offset": present.level @ present.mag_matrix @ (present.mag_offset - before.mag_offset)}
+    return own
+
+
+__all__ = ["CAL_SIZE", "Calibration", "conditioned", "in_words_of", "merged"]

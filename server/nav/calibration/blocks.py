@@ -214,6 +214,11 @@ class BlockTable:
         return int(self._head[H_SEEN])
 
     @property
+    def open_samples(self) -> int:
+        """Samples of the open block."""
+        return int(self._head[H_OPEN])
+
+    @property
     def quantum(self) -> Float:
         """The smallest step between two samples of each channel, shape (6,); infinite when it never moved."""
         return np.asarray(self._work[W_QUANTUM])

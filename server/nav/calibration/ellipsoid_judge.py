@@ -33,8 +33,8 @@ MATRIX_DILUTION: Final = 1.5
 OFFSET_ERROR: Final = 0.025  # of the radius: dilution · residual
 OFFSET_SIGMA: Final = 0.03  # of the radius: 1.7° of heading at 1σ
 
-GOOD: Final = (0.02, 0.75, 0.01)
-FAIR: Final = (0.04, 0.5, 0.02)
+GOOD: Final = (0.02, 0.75, 0.012)
+FAIR: Final = (0.04, 0.5, 0.025)
 """Grades: residual (of the radius) at most, coverage at least, σ of the offset (of the radius) at most; else poor."""
 CLIPPED_SAMPLES: Final = 8
 CLIPPED_SPREAD: Final = 0.4  # of the range of that axis: a cap of ±24° pressed flat
@@ -135,7 +135,9 @@ def _after(s: Solution, cubes: Cubes, expected: float) -> Failure | None:
     if error > OFFSET_ERROR or offset_sigma(s) > OFFSET_SIGMA:
         if s.residual > MISFIT and s.offset_dilution < WELL_SPREAD:
             return _rough(s.residual, MISFIT, cubes, s)
-        return failure("coverage-poor", max(error, offset_sigma(s)), OFFSET_ERROR)
+        if error > OFFSET_ERROR:
+            return failure("coverage-poor", error, OFFSET_ERROR)
+        return failure("coverage-poor", offset_sigma(s), OFFSET_SIGMA)
     if axes[0] / axes[2] > AXIS_RATIO:
         return failure("residual", axes[0] / axes[2], AXIS_RATIO)
     if np.isfinite(expected) and abs(s.radius / expected - 1.0) > STRENGTH:

@@ -17,6 +17,8 @@ FAR: Final = 3.0
 """Cubes beyond this many times the 95 % distance are spikes whatever the shape: a closed surface has none there."""
 GATE: Final = 6.0  # times the typical residual of a direction (a median: about 4σ)
 GATE_FLOOR: Final = 0.05  # of the radius: what is nearer than this does no harm
+SOFT: Final = 0.25  # of the radius: residuals of the starting sphere beyond it count little
+ROUND: Final = 0.7  # of the radius: farther off it than the longest axis of a soft iron of 1 : 4
 ROUNDS: Final = 12
 MIN_CUBES: Final = 12
 
@@ -63,6 +65,31 @@ def near(cubes: Cubes) -> Mask:
     return mask
 
 
+def start(cubes: Cubes) -> Mask:
+    """Return a mask, shape (m,), to begin with: `near`, less what is far off a sphere that outliers hardly pull.
+
+    A quadric through fourth powers goes where the spikes are; a sphere by reweighted least squares does not. When it would
+    leave out more than a tenth it is not spikes (much rest in one pose makes a cluster of its own): then all stay.
+    """
+    keep = near(cubes)
+    x = cubes.means[keep]
+    middle, weight = np.median(x, axis=0), np.ones(len(x))
+    size = float(np.median(np.linalg.norm(x - middle, axis=1))) or 1.0
+    u = (x - middle) / size
+    centre, off = np.zeros(3), np.zeros(len(x))
+    for _ in range(ROUNDS):
+        root = np.sqrt(weight)[:, None]
+        rows = np.column_stack([2.0 * u, np.ones(len(u))])
+        centre = np.linalg.lstsq(rows * root, root[:, 0] * np.sum(u * u, axis=1), rcond=None)[0][:3]
+        distance = np.linalg.norm(u - centre, axis=1)
+        off = distance / max(float(np.median(distance)), 1e-300) - 1.0
+        weight = 1.0 / (1.0 + (off / SOFT) ** 2) ** 2
+    round_ = np.abs(off) <= ROUND
+    if round_.mean() >= 0.9:
+        keep[keep] = round_
+    return keep
+
+
 def second_moments(cubes: Cubes) -> tuple[Float, Float]:
     """Return the mean, shape (3,), and the covariance, shape (3, 3), of the samples."""
     count, m = cubes.moments[:, 0], cubes.moments
@@ -82,7 +109,7 @@ def principal_spread(cubes: Cubes) -> Float:
 
 def solve(cubes: Cubes, parameters: int) -> Solution | None:
     """Fit what was collected; None when the best quadric of the samples is no ellipsoid."""
-    keep = near(cubes)
+    keep = start(cubes)
     mean, covariance = second_moments(cubes.only(keep))
     radius = max(float(np.sqrt(np.trace(covariance))), 1e-300)
     moments = cubes.about(mean, radius)  # centre and size make the numbers of the fit of order 1

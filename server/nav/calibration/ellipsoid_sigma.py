@@ -12,6 +12,7 @@ from server.nav.types import Float, Int
 
 PATCH_OF_CELL: Final = np.argmax(DIRECTIONS @ fibonacci_directions(24).T, axis=1)
 """Patch of each cell: 24 of them, some 40° across."""
+WHITE_MARGIN: Final = 1.1  # the white part is known to a few per cent from some thousand samples
 
 
 def uncertainty(
@@ -19,13 +20,14 @@ def uncertainty(
 ) -> tuple[Float, tuple[float, float]]:
     """Return 1σ of (centre, matrix entries) and the dilutions (centre, matrix), in the fit's frame.
 
-    Residuals of neighbouring samples are alike, so it is not samples that are independent. Two views, the larger counts:
+    Residuals of neighbouring samples are alike, so it is not samples that are independent. Of two views the larger is
+    taken:
 
     - in space: the scores are summed over patches of the sphere and the spread of the sums counts (cluster-robust
-      covariance, with the usual C/(C − p)), for patches of two sizes, variances added. On recorded sweeps cut into parts
-      the small alone are too bold by three, the large alone by 1.4, the sum is right.
-    - in time: least squares with as many samples as are independent, n / 2τ, where τ is the correlation time (in
-      samples) at which noise of the residual's size would be as smooth as the stream is.
+      covariance, with the usual C/(C − p)), for patches of two sizes, variances added. On recorded sweeps cut into
+      parts the small alone are too bold by three, the large alone by 1.4, the sum is right.
+    - in time: least squares, whose residual is part white, as rough as the stream is, each sample for itself; the rest
+      is slow (the field of the place, a warming sensor) and a whole patch of the sphere is worth one sample.
 
     Args:
         moments: shape (m, 35), of the cubes. cell: shape (m,), where each is on the sphere.
@@ -42,23 +44,15 @@ def uncertainty(
     scores = 0.5 * per_cell[used] @ beta @ g.T
     spread = _spread(scores, np.flatnonzero(used)) + _spread(scores, PATCH_OF_CELL[used])
     residual = rms(misfit(moments, e), weight)
-    alike = _alike(roughness, residual * e.radius, weight.sum() / used.sum())
-    variance = np.maximum(np.diag(inverse @ spread @ inverse), np.diag(inverse) * residual**2 * alike)
+    white = (roughness / e.radius) ** 2
+    slow = max(residual**2 - WHITE_MARGIN * white, 0.0) * weight.sum() / len(np.unique(PATCH_OF_CELL[used]))
+    variance = np.maximum(np.diag(inverse @ spread @ inverse), np.diag(inverse) * (min(white, residual**2) + slow))
     return np.sqrt(variance), (_size(even[:3, :3]), _size(even[3:, 3:]))
-
-
-def _alike(roughness: float, noise: float, most: float) -> float:
-    """How many samples are worth one: 2τ with var(second difference) = 4/τ · var(noise) for slow noise, at most a cell's.
-
-    (Of a first-order process with ρ = exp(−1/τ): 2 (1 − ρ)(3 − ρ).) Turning adds to the roughness, so τ is no more than that.
-    """
-    ratio = max(roughness / max(noise, 1e-300), 1e-6)
-    return max(1.0, min(4.0 / (3.0 * ratio * ratio), most))
 
 
 def _size(covariance: Float) -> float:
     """Largest standard deviation of any direction."""
-    return float(np.linalg.norm(covariance, 2)) ** 0.5
+    return float(np.sqrt(np.linalg.norm(covariance, 2)))
 
 
 def _spread(scores: Float, patch: Int) -> Float:

@@ -80,8 +80,14 @@ class GyroBias:
         blocks = self._table.rows
         return sum(b < len(blocks) and _span_s(blocks[a:b]) >= RESTART_S for a, b in self._runs())
 
+    def _samples(self, rest: Float) -> float:
+        """Return the samples of the rest; those of the open block count, so that fifty are fifty."""
+        blocks = self._table.rows
+        goes_on = len(rest) > 0 and rest[-1, B_T1] == blocks[-1, B_T1]
+        return float(rest[:, B_N].sum()) + (self._table.open_samples if goes_on else 0)
+
     def _is_enough(self, rest: Float) -> bool:
-        samples, seconds = float(rest[:, B_N].sum()), _span_s(rest)
+        samples, seconds = self._samples(rest), _span_s(rest)
         asked = 0.0 if np.isnan(self._options.duration_s) else 0.98 * self._duration_s
         whole = samples >= ALMOST_ALL * self._table.samples
         return samples >= LEAST_SAMPLES and seconds >= asked and (whole or seconds >= LEAST_S)
@@ -117,7 +123,7 @@ class GyroBias:
             return failure("too-few-samples", self._table.samples, LEAST_SAMPLES)
         if not self._is_enough(rest):
             asked = LEAST_S if np.isnan(self._options.duration_s) else self._duration_s
-            whole = float(rest[:, B_N].sum()) >= ALMOST_ALL * self._table.samples
+            whole = self._samples(rest) >= ALMOST_ALL * self._table.samples
             return failure("too-few-samples" if whole else "motion", _span_s(rest), asked, "s")
         bias = weighted_mean(rest[:, B_MEAN : B_MEAN + 3], rest[:, B_N])
         worst = float(np.max(np.abs(bias)))

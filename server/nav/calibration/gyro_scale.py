@@ -129,10 +129,10 @@ class GyroScale:
             return failure("no-data")
         if not movements and not self._seen()[0]:
             return failure("motion")
-        for turn in turns:
-            share = float(turn.movement.saturated[turn.axis])
-            if share > 0.0:
-                return failure("saturated", share, 0.0)
+        moved = [turn.movement for turn in turns] or movements
+        share = max((float(m.saturated[m.axis]) for m in moved), default=0.0)
+        if share > 0.0:
+            return failure("saturated", share, 0.0)
         return None if turns else why_no_turn(movements, self._options)
 
     def check(self, parameters: Mapping[str, Value]) -> Check:

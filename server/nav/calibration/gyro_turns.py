@@ -90,7 +90,7 @@ def new_table() -> BlockTable:
 
 
 def rest_of(table: Float, start: int, end: int) -> Rest:
-    """Return the rest that these blocks are; its bias is from the middle, because a slow start of a turn looks like rest."""
+    """Return the rest that these blocks are; its bias is from the middle: the slow start of a turn looks like rest."""
     trim = (end - start) // TRIM
     blocks = table[start + trim : end - trim]
     rates, n = blocks[:, B_MEAN : B_MEAN + 3], blocks[:, B_N]

@@ -123,7 +123,9 @@ class MagInFlight:
             return failure("field-uneven", state.contradicted, 0.0)
         worst = float(state.sigma_gauss.max())
         if not worst < CONVERGED_GAUSS:
-            return failure("not-settled", worst / self._gain, CONVERGED_GAUSS / self._gain, "" if self._raw else "gauss")
+            return failure(
+                "not-settled", worst / self._gain, CONVERGED_GAUSS / self._gain, "" if self._raw else "gauss"
+            )
         return None
 
     def _details(self, state: MagLearnState) -> dict[str, float]:

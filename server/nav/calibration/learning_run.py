@@ -5,8 +5,8 @@ from __future__ import annotations
 import math
 from typing import Final
 
+from server.nav.calibration.learning_block import TURN_RAD, close_block, turned_since
 from server.nav.calibration.learning_filter import widen
-from server.nav.calibration.learning_judge import STILL_RAD_S, TURN_RAD, close_block, turned_since
 from server.nav.calibration.learning_layout import (
     C_A_Q,
     C_B_DT,
@@ -23,7 +23,6 @@ from server.nav.calibration.learning_layout import (
     C_Q,
     C_RING,
     C_STARTED,
-    C_SUSPECT,
     C_T,
     C_W,
     DELAY,
@@ -35,8 +34,6 @@ from server.nav.calibration.learning_layout import (
     K_DELAY_SIGMA,
     K_GYRO_SIGMA,
     K_NOISE,
-    K_OFFSET_SIGMA,
-    K_PATCH,
     NEVER_NS,
     OFFSET,
     RING,
@@ -53,7 +50,7 @@ BLOCK_S: Final = 0.05  # least length of a block: what a step costs stays small 
 LONGEST_S: Final = 0.5
 GAP_S: Final = 0.2  # a hole through which the rotation is lost
 LARGEST_GAUSS: Final = 16.0  # full scale of common magnetometers
-COVARIANCE_S: Final = 2.0
+STILL_RAD_S: Final = 0.02  # 1.1 °/s: below it a turn is not told from a drift of the gyro bias
 
 
 @kernel("void(float64[::1], float64[::1])")
@@ -89,8 +86,8 @@ def _remember(c: Float) -> None:
         c[slot + 1 + i] = c[C_Q + i]
 
 
-@kernel("boolean(float64[::1], float64[::1], float64, boolean)")
-def _take(m: Float, c: Float, t_ns: float, dry: bool) -> bool:
+@kernel("boolean(float64[::1], float64[::1], float64)")
+def _take(m: Float, c: Float, t_ns: float) -> bool:
     """Add a sample, valid at t, to the open block with the rotation of its own time; False: too old for that."""
     head = int(c[C_HEAD])
     slot = C_RING + RING_COLUMNS * head
@@ -193,9 +190,9 @@ def run(steps: Float, meas: Float, par: Float, s: Float, c: Float) -> None:
         while k < meas.shape[0] and meas[k, M_STEP] <= n:
             m, status = meas[k, M_DATA:], meas[k, M_STATUS]
             size = abs(m[0]) + abs(m[1]) + abs(m[2])
-            used = meas[k, M_KIND] == MAG and (status == FUSED or status == REFUSED_DISTURBED)
+            used = meas[k, M_KIND] == MAG and status in (FUSED, REFUSED_DISTURBED)
             if used and 0.0 < size < LARGEST_GAUSS:
-                _take(m, c, meas[k, M_T] - par[K_DELAY] * 1e9, False)
+                _take(m, c, meas[k, M_T] - par[K_DELAY] * 1e9)
             k += 1
         if c[C_B_DT] < BLOCK_S - 1e-9:
             continue

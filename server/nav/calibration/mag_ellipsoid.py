@@ -8,7 +8,7 @@ from typing import Final
 import numpy as np
 
 from server.nav.calibration.codes import failure
-from server.nav.calibration.ellipsoid_judge import GOOD, MIN_SAMPLES, grade, judged, offset_sigma, provisional
+from server.nav.calibration.ellipsoid_judge import MIN_SAMPLES, grade, judged, offset_sigma, provisional
 from server.nav.calibration.ellipsoid_kernel import CUBES
 from server.nav.calibration.ellipsoid_moments import Cubes, MomentStream
 from server.nav.calibration.ellipsoid_robust import Solution
@@ -22,6 +22,7 @@ CHECK_LIMIT: Final = 0.05  # of the strength: 3° of heading
 CHECK_APART: Final = 0.5  # cosine of 60°
 CHECK_DIRECTIONS: Final = 3
 COMPLETE: Final = 0.85  # coverage at which going on gains nothing
+COMPLETE_SAMPLES: Final = 200
 REFRESH_NS: Final = 400_000_000  # progress looks again after this time, or 64 samples and a tenth more than last time
 
 
@@ -88,6 +89,7 @@ class MagEllipsoid:
                 "radius_raw": s.radius,
                 "relative_residual": s.residual,
                 "relative_noise": s.noise,
+                "relative_offset_sigma": offset_sigma(s),
                 "offset_dilution": s.offset_dilution,
                 "matrix_dilution": s.matrix_dilution,
             },
@@ -128,7 +130,7 @@ class MagEllipsoid:
             return self._blind(cubes, count)
         missing = DIRECTIONS[~shape.cells]
         enough = isinstance(found, Solution)
-        complete = enough and shape.coverage >= COMPLETE and offset_sigma(shape) <= GOOD[2]
+        complete = enough and shape.coverage >= COMPLETE and shape.samples >= COMPLETE_SAMPLES
         target = most_useful(shape, missing, self._attitudes)
         return Progress(
             fraction=1.0 if complete else min(0.99, shape.coverage / COMPLETE * (1.0 if enough else 0.8)),

@@ -30,7 +30,8 @@ class MagLearnState:
         frozen: nothing is learned at present; reason: "rest", "room" (the field contradicts every constant offset tried
             so far), "few-turns" (it moves, but hardly turns), "".
         changes: offsets that were given up for another; t_changed_ns: when the last of them began, −1 never.
-        residual_gauss: RMS of what the strength |field − offset| varies by: the unevenness of place and sensor.
+        residual_gauss: RMS of what the strength |field − offset| varies by: the unevenness of place and sensor; NaN
+            before the first turn.
         contradicted: constant offsets that were tried and failed since the field contradicts; 0 when it does not.
         gyro_bias_rad_s, delay_s: found along the way; for people.
     """
@@ -86,8 +87,8 @@ class MagLearner:
         for i in range(3):
             self._s[0, at.F_P + (at.N + 1) * i] = sigma**2
         self._c[at.C_Q] = self._c[at.C_A_Q] = 1.0
-        self._c[at.C_T] = self._c[at.C_T_CHANGED] = at.NEVER_NS
-        self._c[at.C_PATCH2] = self._par[at.K_PATCH] ** 2
+        self._c[at.C_T] = self._c[at.C_T_CHANGED] = self._c[at.C_T_TRUSTED] = at.NEVER_NS
+        self._c[at.C_PATCH2] = self._c[at.C_RESIDUAL2] = self._par[at.K_PATCH] ** 2
         self._c[at.C_RING : at.C_HEAD : at.RING_COLUMNS] = at.NEVER_NS
 
     def step(self, steps: Float, meas: Float) -> None:
@@ -117,7 +118,7 @@ class MagLearner:
             reason=reason,
             changes=int(c[at.C_CHANGES]),
             t_changed_ns=int(c[at.C_T_CHANGED]) + self._t0_ns if c[at.C_CHANGES] else -1,
-            residual_gauss=math.sqrt(max(0.0, c[at.C_RESIDUAL2])),
+            residual_gauss=math.sqrt(max(0.0, c[at.C_RESIDUAL2])) if c[at.C_TURNED] > 0.0 else math.nan,
             contradicted=int(c[at.C_REFUSED]) if suspect else 0,
             gyro_bias_rad_s=s[at.F_X + at.GYRO : at.F_X + at.GYRO + 3].copy(),
             delay_s=float(s[at.F_X + at.DELAY]),

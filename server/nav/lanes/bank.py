@@ -164,6 +164,11 @@ class LaneBank:
         main = self._running.get("ins_ekf")
         return main.delays() if isinstance(main, InsEkf) else ()
 
+    def mag_bias(self) -> tuple[float, ...]:
+        """Return the main lane's own magnetic bias (3) with its σ (3), gauss; () when it has none."""
+        main = self._running.get("ins_ekf")
+        return main.mag_bias() if isinstance(main, InsEkf) else ()
+
     def covariance(self, name: str) -> tuple[int, Float] | None:
         """Return (t_ns, P) of a running lane that has a method of that name; else None."""
         method = getattr(self._running.get(name), "covariance", None)

@@ -14,7 +14,7 @@ from server.nav.ekf.blocks import fuse_field_model, start_field, turn_field
 from server.nav.ekf.delays import start_delays
 from server.nav.ekf.pseudo import BATCH
 from server.nav.ekf.run import run
-from server.nav.ekf.states import FIELD, INERTIAL, PACKED, POS, X_POS, X_Q, X_SIZE, packed
+from server.nav.ekf.states import FIELD, INERTIAL, MAG_BIAS, PACKED, POS, X_MAG_BIAS, X_POS, X_Q, X_SIZE, packed
 from server.nav.ekf.yaw_bank import new_bank
 from server.nav.lanes.base import LaneContext, LaneResult, Parameter, Provides
 from server.nav.lanes.ins_ekf_attitude import SIGMA, AttitudeMode
@@ -140,6 +140,13 @@ class InsEkf:
         else:
             return None
         return self._t_ns, P
+
+    def mag_bias(self) -> tuple[float, ...]:
+        """Return the magnetic bias of the calibrated field, body, gauss (3), and its σ (3); () before it is one."""
+        variance = [float(self._P[packed(MAG_BIAS + i, MAG_BIAS + i)]) for i in range(3)]
+        if not self._ctl[at.C_POSITIONED] or min(variance) <= 0.0:
+            return ()
+        return (*self._x[X_MAG_BIAS : X_MAG_BIAS + 3].tolist(), *(math.sqrt(one) for one in variance))
 
     def _newest(self) -> int:
         return int(self._ctl[at.C_HEAD] - 1) % len(self._r_u)

@@ -62,7 +62,7 @@ GAP_INTERVALS: Final = 4.0
 FIRST_S: Final = 10.0
 """A first interval longer than this is a hole too."""
 MEAN_INTERVALS: Final = 256.0
-REDESIGN: Final = 0.05
+REDESIGN: Final = 0.02
 """The coefficients follow the measured rate when it has moved by this share."""
 
 

@@ -1,13 +1,21 @@
 import type {
   BoardOut,
   BoardsOut,
+  CalibrationWish,
+  CalSensor,
+  DiffOut,
   DoctorOut,
+  ImportedOut,
   InfoOut,
+  JobOut,
   LanesOut,
   PortsOut,
   Problem,
   SessionOut,
+  SetsOut,
   SettingsOut,
+  SimulatorIn,
+  SimulatorOut,
 } from "./wire";
 
 /** A refused request, carrying the server's own words. */
@@ -74,6 +82,14 @@ async function problemOf(answer: Response): Promise<Problem> {
 
 const id = encodeURIComponent;
 
+function setsPath(boardId: string): string {
+  return `boards/${id(boardId)}/calibration-sets`;
+}
+
+export function exportUrl(boardId: string, format: string): string {
+  return apiUrl(`${setsPath(boardId)}/export?${new URLSearchParams({ format })}`).href;
+}
+
 export const api = {
   info: () => request<InfoOut>("GET", "info"),
   openSession: (token: string) => request<SessionOut>("POST", "session", { token }),
@@ -96,4 +112,24 @@ export const api = {
   ports: () => request<PortsOut>("GET", "ports"),
   settings: () => request<SettingsOut>("GET", "settings"),
   doctor: () => request<DoctorOut>("GET", "doctor"),
+  startCalibration: (boardId: string, wish: CalibrationWish) =>
+    request<JobOut>("POST", `boards/${id(boardId)}/calibrations`, wish),
+  actOnCalibration: (job: JobOut, action: "cancel" | "confirm" | "verify" | "apply") =>
+    request<JobOut>("POST", `boards/${id(job.board_id)}/calibrations/${id(job.id)}/${action}`),
+  calibrationSets: (boardId: string) => request<SetsOut>("GET", setsPath(boardId)),
+  applySet: (boardId: string, set: string) =>
+    request<SetsOut>("POST", `${setsPath(boardId)}/${id(set)}/apply`),
+  deleteSet: (boardId: string, set: string) =>
+    request<undefined>("DELETE", `${setsPath(boardId)}/${id(set)}`),
+  rollBack: (boardId: string, sensor: CalSensor) =>
+    request<SetsOut>("POST", `${setsPath(boardId)}/roll-back`, { sensor }),
+  takeOff: (boardId: string, sensor: CalSensor) =>
+    request<SetsOut>("POST", `${setsPath(boardId)}/take-off`, { sensor }),
+  diffSets: (boardId: string, from: string, to: string) =>
+    request<DiffOut>("GET", `${setsPath(boardId)}/${id(from)}/diff/${id(to)}`),
+  importSets: (boardId: string, name: string, text: string) =>
+    request<ImportedOut>("POST", setsPath(boardId), { name, text }),
+  simulator: (boardId: string) => request<SimulatorOut>("GET", `boards/${id(boardId)}/simulator`),
+  simulate: (boardId: string, command: SimulatorIn) =>
+    request<SimulatorOut>("POST", `boards/${id(boardId)}/simulator`, command),
 };

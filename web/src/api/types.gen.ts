@@ -50,6 +50,227 @@ export interface paths {
         patch?: never;
         trace?: never;
     };
+    "/api/v1/boards/{board_id}/calibration-sets": {
+        parameters: {
+            query?: never;
+            header?: never;
+            path?: never;
+            cookie?: never;
+        };
+        /**
+         * List Sets
+         * @description Return every stored set of a board, newest first, and which are in force.
+         */
+        get: operations["list_sets_api_v1_boards__board_id__calibration_sets_get"];
+        put?: never;
+        /**
+         * Import Sets
+         * @description Store calibrations from elsewhere, one set for each sensor; nothing of them is in force before it is applied.
+         *
+         *     navdeck's own JSON and parameter files of ArduPilot and PX4 are told apart by what they hold.
+         */
+        post: operations["import_sets_api_v1_boards__board_id__calibration_sets_post"];
+        delete?: never;
+        options?: never;
+        head?: never;
+        patch?: never;
+        trace?: never;
+    };
+    "/api/v1/boards/{board_id}/calibration-sets/export": {
+        parameters: {
+            query?: never;
+            header?: never;
+            path?: never;
+            cookie?: never;
+        };
+        /**
+         * Export Sets
+         * @description Return what is in force as a file: navdeck's JSON, ArduPilot's or PX4's parameters, or a C header.
+         */
+        get: operations["export_sets_api_v1_boards__board_id__calibration_sets_export_get"];
+        put?: never;
+        /**
+         * Export Composed
+         * @description Return the same composed with what the board applies already, which its own parameter file tells.
+         */
+        post: operations["export_composed_api_v1_boards__board_id__calibration_sets_export_post"];
+        delete?: never;
+        options?: never;
+        head?: never;
+        patch?: never;
+        trace?: never;
+    };
+    "/api/v1/boards/{board_id}/calibration-sets/roll-back": {
+        parameters: {
+            query?: never;
+            header?: never;
+            path?: never;
+            cookie?: never;
+        };
+        get?: never;
+        put?: never;
+        /**
+         * Roll Back
+         * @description Put in force what was in force on this sensor before; again for the one before that.
+         */
+        post: operations["roll_back_api_v1_boards__board_id__calibration_sets_roll_back_post"];
+        delete?: never;
+        options?: never;
+        head?: never;
+        patch?: never;
+        trace?: never;
+    };
+    "/api/v1/boards/{board_id}/calibration-sets/take-off": {
+        parameters: {
+            query?: never;
+            header?: never;
+            path?: never;
+            cookie?: never;
+        };
+        get?: never;
+        put?: never;
+        /**
+         * Take Off
+         * @description Have this sensor work without a calibration of ours; its sets stay.
+         */
+        post: operations["take_off_api_v1_boards__board_id__calibration_sets_take_off_post"];
+        delete?: never;
+        options?: never;
+        head?: never;
+        patch?: never;
+        trace?: never;
+    };
+    "/api/v1/boards/{board_id}/calibration-sets/{set_id}": {
+        parameters: {
+            query?: never;
+            header?: never;
+            path?: never;
+            cookie?: never;
+        };
+        /**
+         * Get Set
+         * @description Return one set.
+         */
+        get: operations["get_set_api_v1_boards__board_id__calibration_sets__set_id__get"];
+        put?: never;
+        post?: never;
+        /**
+         * Delete Set
+         * @description Forget a set that is not in force.
+         */
+        delete: operations["delete_set_api_v1_boards__board_id__calibration_sets__set_id__delete"];
+        options?: never;
+        head?: never;
+        patch?: never;
+        trace?: never;
+    };
+    "/api/v1/boards/{board_id}/calibration-sets/{set_id}/apply": {
+        parameters: {
+            query?: never;
+            header?: never;
+            path?: never;
+            cookie?: never;
+        };
+        get?: never;
+        put?: never;
+        /**
+         * Apply Set
+         * @description Put a stored set in force.
+         */
+        post: operations["apply_set_api_v1_boards__board_id__calibration_sets__set_id__apply_post"];
+        delete?: never;
+        options?: never;
+        head?: never;
+        patch?: never;
+        trace?: never;
+    };
+    "/api/v1/boards/{board_id}/calibration-sets/{set_id}/diff/{other_id}": {
+        parameters: {
+            query?: never;
+            header?: never;
+            path?: never;
+            cookie?: never;
+        };
+        /**
+         * Diff Sets
+         * @description Compare two sets of one sensor, from the first to the second.
+         */
+        get: operations["diff_sets_api_v1_boards__board_id__calibration_sets__set_id__diff__other_id__get"];
+        put?: never;
+        post?: never;
+        delete?: never;
+        options?: never;
+        head?: never;
+        patch?: never;
+        trace?: never;
+    };
+    "/api/v1/boards/{board_id}/calibrations": {
+        parameters: {
+            query?: never;
+            header?: never;
+            path?: never;
+            cookie?: never;
+        };
+        /**
+         * List Jobs
+         * @description Return the calibration jobs of a board, newest first.
+         */
+        get: operations["list_jobs_api_v1_boards__board_id__calibrations_get"];
+        put?: never;
+        /**
+         * Start Job
+         * @description Start a job; it belongs to the server and goes on when nobody looks. One at a time for each sensor.
+         */
+        post: operations["start_job_api_v1_boards__board_id__calibrations_post"];
+        delete?: never;
+        options?: never;
+        head?: never;
+        patch?: never;
+        trace?: never;
+    };
+    "/api/v1/boards/{board_id}/calibrations/{job_id}": {
+        parameters: {
+            query?: never;
+            header?: never;
+            path?: never;
+            cookie?: never;
+        };
+        /**
+         * Get Job
+         * @description Return one job: state, progress, the next move, and its result or the reason why there is none.
+         */
+        get: operations["get_job_api_v1_boards__board_id__calibrations__job_id__get"];
+        put?: never;
+        post?: never;
+        delete?: never;
+        options?: never;
+        head?: never;
+        patch?: never;
+        trace?: never;
+    };
+    "/api/v1/boards/{board_id}/calibrations/{job_id}/{action}": {
+        parameters: {
+            query?: never;
+            header?: never;
+            path?: never;
+            cookie?: never;
+        };
+        get?: never;
+        put?: never;
+        /**
+         * Act On Job
+         * @description Do something with a job.
+         *
+         *     cancel ends it; confirm fits what was collected so far (a refused attempt loses nothing); verify judges the result
+         *     on fresh data; apply stores the result and puts it in force.
+         */
+        post: operations["act_on_job_api_v1_boards__board_id__calibrations__job_id___action__post"];
+        delete?: never;
+        options?: never;
+        head?: never;
+        patch?: never;
+        trace?: never;
+    };
     "/api/v1/boards/{board_id}/health": {
         parameters: {
             query?: never;
@@ -170,6 +391,52 @@ export interface paths {
          * @description Close the link and open it anew; a board that had failed starts afresh.
          */
         post: operations["reconnect_board_api_v1_boards__board_id__reconnect_post"];
+        delete?: never;
+        options?: never;
+        head?: never;
+        patch?: never;
+        trace?: never;
+    };
+    "/api/v1/boards/{board_id}/simulator": {
+        parameters: {
+            query?: never;
+            header?: never;
+            path?: never;
+            cookie?: never;
+        };
+        /**
+         * Get Simulator
+         * @description Return what the demo board does now.
+         */
+        get: operations["get_simulator_api_v1_boards__board_id__simulator_get"];
+        put?: never;
+        /**
+         * Post Simulator
+         * @description Turn the demo board, or what is around it; it begins within 0.2 s, and the answer says what it does then.
+         *
+         *     A motion ends the one before and takes the board out of its flight; `fly` takes it back.
+         */
+        post: operations["post_simulator_api_v1_boards__board_id__simulator_post"];
+        delete?: never;
+        options?: never;
+        head?: never;
+        patch?: never;
+        trace?: never;
+    };
+    "/api/v1/calibration-codes": {
+        parameters: {
+            query?: never;
+            header?: never;
+            path?: never;
+            cookie?: never;
+        };
+        /**
+         * List Codes
+         * @description Return every reason for which a calibration may refuse; the command line uses the same.
+         */
+        get: operations["list_codes_api_v1_calibration_codes_get"];
+        put?: never;
+        post?: never;
         delete?: never;
         options?: never;
         head?: never;
@@ -485,21 +752,78 @@ export interface components {
             boards: components["schemas"]["BoardOut"][];
         };
         /**
-         * CheckOut
-         * @description One line of the doctor.
+         * CalibrationIn
+         * @description A calibration to start.
          */
-        CheckOut: {
-            /** Cause */
-            cause: string;
-            /** Name */
-            name: string;
-            /** Remedy */
-            remedy: string;
+        CalibrationIn: {
             /**
-             * State
+             * Dry Run
+             * @description collect and fit, but never apply
+             * @default false
+             */
+            dry_run: boolean;
+            /**
+             * Kind
              * @enum {string}
              */
-            state: "ok" | "caution" | "problem";
+            kind: "gyro_bias" | "gyro_scale" | "accel_six_position" | "accel_multi_pose" | "level" | "mag_ellipsoid" | "mag_fixed_heading" | "mag_in_flight" | "airspeed_zero" | "baro_reference";
+            /**
+             * @default {
+             *       "ellipsoid_parameters": 9,
+             *       "heading_sigma_deg": 2
+             *     }
+             */
+            options: components["schemas"]["OptionsIn"];
+            /**
+             * Timeout S
+             * @description give up after; absent = the kind's own
+             */
+            timeout_s?: number | null;
+        };
+        /**
+         * ChangeOut
+         * @description One number of a comparison of two sets.
+         */
+        ChangeOut: {
+            /** Change */
+            change: number | null;
+            /** Change In Sigma */
+            change_in_sigma: number | null;
+            /** Name */
+            name: string;
+            /** New */
+            new: number | null;
+            /** Old */
+            old: number | null;
+        };
+        /**
+         * CodeOut
+         * @description One reason for which a calibration may refuse.
+         */
+        CodeOut: {
+            /** Advice */
+            advice: string;
+            /** Code */
+            code: string;
+        };
+        /**
+         * CodesOut
+         * @description Every reason, shared by REST, page and command line.
+         */
+        CodesOut: {
+            /** Codes */
+            codes: components["schemas"]["CodeOut"][];
+        };
+        /**
+         * ComparisonOut
+         * @description The present calibration of the sensor on the very same data.
+         */
+        ComparisonOut: {
+            /** Parameters */
+            parameters: {
+                [key: string]: number | null | (number | null)[] | (number | null)[][];
+            };
+            residual: components["schemas"]["ResidualOut"] | null;
         };
         /**
          * ConsistencyOut
@@ -601,17 +925,45 @@ export interface components {
             source: "settings" | "board" | "estimated" | "unknown";
         };
         /**
+         * DiffOut
+         * @description Two sets of one sensor, number by number.
+         */
+        DiffOut: {
+            /** Changes */
+            changes: components["schemas"]["ChangeOut"][];
+            /** New Id */
+            new_id: string;
+            /** Old Id */
+            old_id: string;
+        };
+        /**
          * DoctorOut
          * @description What is wrong with this set-up.
          */
         DoctorOut: {
             /** Checks */
-            checks: components["schemas"]["CheckOut"][];
+            checks: components["schemas"]["server__wire_service__CheckOut"][];
             /**
              * State
              * @enum {string}
              */
             state: "ok" | "caution" | "problem";
+        };
+        /**
+         * DropLinkIn
+         * @description Have the board hear and say nothing for a while; it lives on meanwhile.
+         */
+        DropLinkIn: {
+            /**
+             * @description discriminator enum property added by openapi-typescript
+             * @enum {string}
+             */
+            action: "drop_link";
+            /**
+             * Duration S
+             * @default 6
+             */
+            duration_s: number;
         };
         /**
          * EngineOut
@@ -668,6 +1020,80 @@ export interface components {
             };
         };
         /**
+         * ExportIn
+         * @description What is in force, as a file for an autopilot that applies parameters of its own already.
+         */
+        ExportIn: {
+            /**
+             * Board Text
+             * @description parameter file of what the board applies already
+             * @default
+             */
+            board_text: string;
+            /**
+             * Format
+             * @enum {string}
+             */
+            format: "native" | "ardupilot" | "px4" | "c";
+        };
+        /**
+         * FailureOut
+         * @description Why nothing was fitted, or a check could not be made.
+         */
+        FailureOut: {
+            /** Advice */
+            advice: string;
+            /**
+             * Code
+             * @description kebab-case; the list is in `navdeck calibrate --codes` and GET /calibration-codes
+             */
+            code: string;
+            /** Limit */
+            limit: number | null;
+            /** Measured */
+            measured: number | null;
+            /** Unit */
+            unit: string;
+        };
+        /**
+         * FitOut
+         * @description What was found.
+         */
+        FitOut: {
+            /**
+             * Coverage
+             * @description share of what the kind needs, 0 to 1; null where the notion is empty
+             */
+            coverage: number | null;
+            /** Details */
+            details: {
+                [key: string]: number | null;
+            };
+            /**
+             * Grade
+             * @enum {string}
+             */
+            grade: "good" | "fair" | "poor" | "";
+            /** Parameters */
+            parameters: {
+                [key: string]: number | null | (number | null)[] | (number | null)[][];
+            };
+            residual_after: components["schemas"]["ResidualOut"] | null;
+            /** @description of the raw samples */
+            residual_before: components["schemas"]["ResidualOut"] | null;
+            /** Samples */
+            samples: number;
+            /**
+             * Sigma
+             * @description one standard deviation, same shapes; null = not measured
+             */
+            sigma: {
+                [key: string]: number | null | (number | null)[] | (number | null)[][];
+            };
+            /** Temperature Degc */
+            temperature_degc: number | null;
+        };
+        /**
          * FlagsOut
          * @description What of the state may be used.
          */
@@ -687,6 +1113,17 @@ export interface components {
             stale: boolean;
             /** Velocity Valid */
             velocity_valid: boolean;
+        };
+        /**
+         * FlyIn
+         * @description Put the board back on its place of departure and begin the flight anew; nothing while it flies.
+         */
+        FlyIn: {
+            /**
+             * @description discriminator enum property added by openapi-typescript
+             * @enum {string}
+             */
+            action: "fly";
         };
         /**
          * HealthOut
@@ -745,6 +1182,42 @@ export interface components {
             verdict: components["schemas"]["VerdictOut"][];
         };
         /**
+         * ImportIn
+         * @description A calibration from elsewhere: navdeck's JSON, or a parameter file of ArduPilot or PX4.
+         */
+        ImportIn: {
+            /**
+             * Board Text
+             * @description parameter file of what the board applies already
+             * @default
+             */
+            board_text: string;
+            /**
+             * Name
+             * @description of the file, for the provenance
+             * @default a file
+             */
+            name: string;
+            /** Text */
+            text: string;
+        };
+        /**
+         * ImportedOut
+         * @description What became of an imported file.
+         */
+        ImportedOut: {
+            /**
+             * Added
+             * @description ids of the new sets, none of them in force
+             */
+            added: string[];
+            /** Format */
+            format: string;
+            store: components["schemas"]["SetsOut"];
+            /** Warnings */
+            warnings: components["schemas"]["WarningOut"][];
+        };
+        /**
          * InfoOut
          * @description The service and who is asking.
          */
@@ -775,6 +1248,79 @@ export interface components {
              * @description the 3D scene is served at /view/
              */
             view3d: boolean;
+        };
+        /**
+         * JobOut
+         * @description One calibration job; it belongs to the server, so pages may come and go.
+         */
+        JobOut: {
+            /**
+             * Active
+             * @description it holds its sensor: another job on it would be refused
+             */
+            active: boolean;
+            /** Board Id */
+            board_id: string;
+            check: components["schemas"]["server__wire_calibration__CheckOut"] | null;
+            /** @description what the verification still misses */
+            check_failure: components["schemas"]["FailureOut"] | null;
+            comparison: components["schemas"]["ComparisonOut"] | null;
+            /** Created By */
+            created_by: string;
+            /** Created Utc */
+            created_utc: string;
+            /** Dry Run */
+            dry_run: boolean;
+            /** Elapsed S */
+            elapsed_s: number;
+            /** Id */
+            id: string;
+            /**
+             * Kind
+             * @enum {string}
+             */
+            kind: "gyro_bias" | "gyro_scale" | "accel_six_position" | "accel_multi_pose" | "level" | "mag_ellipsoid" | "mag_fixed_heading" | "mag_in_flight" | "airspeed_zero" | "baro_reference";
+            /**
+             * Lost Results
+             * @description batches of samples that were lost on the way to the job
+             */
+            lost_results: number;
+            progress: components["schemas"]["ProgressOut"];
+            /** @description of the last attempt to fit, or why the job ended */
+            refusal: components["schemas"]["FailureOut"] | null;
+            result: components["schemas"]["FitOut"] | null;
+            /**
+             * Samples File
+             * @description where its raw samples are kept, for `navdeck calibrate`; "" = nowhere
+             */
+            samples_file: string;
+            /**
+             * Sensor
+             * @enum {string}
+             */
+            sensor: "gyro" | "accel" | "mag" | "board" | "airspeed" | "baro";
+            /**
+             * Set Id
+             * @description the calibration set it became; "" before it was applied
+             */
+            set_id: string;
+            /**
+             * State
+             * @enum {string}
+             */
+            state: "waiting" | "collecting" | "paused" | "fitting" | "fitted" | "verifying" | "applied" | "refused" | "cancelled";
+            /** Timeout S */
+            timeout_s: number;
+        };
+        /**
+         * JobsOut
+         * @description Jobs of a board, newest first.
+         */
+        JobsOut: {
+            /** Board Id */
+            board_id: string;
+            /** Jobs */
+            jobs: components["schemas"]["JobOut"][];
         };
         /**
          * LaneChoiceOut
@@ -942,6 +1488,32 @@ export interface components {
             url: string;
         };
         /**
+         * MagnetIn
+         * @description Stick a magnet to the body, or take it off; in flight as well.
+         */
+        MagnetIn: {
+            /**
+             * @description discriminator enum property added by openapi-typescript
+             * @enum {string}
+             */
+            action: "magnet";
+            /**
+             * Field B Gauss
+             * @default [
+             *       -0.03,
+             *       0.05,
+             *       0.26
+             *     ]
+             */
+            field_b_gauss: [
+                number,
+                number,
+                number
+            ];
+            /** Is On */
+            is_on: boolean;
+        };
+        /**
          * MessageOut
          * @description One kind of message with its count and mean rate.
          */
@@ -1069,6 +1641,60 @@ export interface components {
             yaw_rad: number | null;
         };
         /**
+         * OptionsIn
+         * @description What a person may tell a calibration; what is left out is found out or has its default.
+         */
+        OptionsIn: {
+            /**
+             * Axis
+             * @description axis of the turntable; absent = the one that turned
+             */
+            axis?: ("x" | "y" | "z") | null;
+            /**
+             * Duration S
+             * @description how long to collect
+             */
+            duration_s?: number | null;
+            /**
+             * Ellipsoid Parameters
+             * @description 6 = axes of the sensor, 9 = tilted
+             * @default 9
+             * @enum {integer}
+             */
+            ellipsoid_parameters: 6 | 9;
+            /**
+             * Gravity M S2
+             * @description local gravity; absent = by the position, else 9.80665
+             */
+            gravity_m_s2?: number | null;
+            /**
+             * Heading Deg
+             * @description true heading of the vehicle now, clockwise from north (mag_fixed_heading)
+             */
+            heading_deg?: number | null;
+            /**
+             * Heading Sigma Deg
+             * @description how well it is known, 1σ
+             * @default 2
+             */
+            heading_sigma_deg: number;
+            /**
+             * Height M
+             * @description what the barometer shall read here; absent = 0
+             */
+            height_m?: number | null;
+            /**
+             * Strength Gauss
+             * @description strength of the Earth's field here; absent = by the model
+             */
+            strength_gauss?: number | null;
+            /**
+             * Turns
+             * @description whole turns made; absent = the nearest whole number
+             */
+            turns?: number | null;
+        };
+        /**
          * ParameterOut
          * @description One number of an estimator that may be changed while it runs.
          */
@@ -1179,6 +1805,36 @@ export interface components {
             ports: components["schemas"]["PortOut"][];
         };
         /**
+         * PoseIn
+         * @description Lay the board: on a face, with a direction down, or in the n-th of a row of poses spread over all directions.
+         */
+        PoseIn: {
+            /**
+             * @description discriminator enum property added by openapi-typescript
+             * @enum {string}
+             */
+            action: "pose";
+            /**
+             * Down B
+             * @description points down then; body FRD, any length but 0
+             */
+            down_b?: [
+                number,
+                number,
+                number
+            ] | null;
+            /** Face */
+            face?: ("nose-up" | "nose-down" | "right-up" | "left-up" | "upside-down" | "level") | null;
+            /**
+             * Is Held
+             * @description stay in the hand, which trembles, instead of on the table
+             * @default false
+             */
+            is_held: boolean;
+            /** Number */
+            number?: number | null;
+        };
+        /**
          * Problem
          * @description The one error body (RFC 9457, application/problem+json) of every status of 400 and above.
          */
@@ -1225,6 +1881,72 @@ export interface components {
             name: string;
             /** Value */
             value: string;
+        };
+        /**
+         * ProgressOut
+         * @description How far a job is and what to do next.
+         */
+        ProgressOut: {
+            /** Face Next */
+            face_next: string;
+            /** Face Now */
+            face_now: string;
+            /**
+             * Faces
+             * @description which of the six faces are done; {} for kinds without
+             */
+            faces: {
+                [key: string]: boolean;
+            };
+            /**
+             * Fraction
+             * @description 0 to 1; never goes back
+             */
+            fraction: number;
+            /**
+             * Instruction
+             * @description code of the next move
+             */
+            instruction: string;
+            /** Is Complete */
+            is_complete: boolean;
+            /**
+             * Is Enough
+             * @description a fit may be asked for: confirm
+             */
+            is_enough: boolean;
+            /** Matrix */
+            matrix: number[][];
+            /**
+             * Offset
+             * @description the fit so far; [] = none
+             */
+            offset: number[];
+            /** Phase */
+            phase: string;
+            /**
+             * Pose Target B
+             * @description direction in body FRD that shall point down; [] = none
+             */
+            pose_target_b: number[];
+            /** Poses */
+            poses: number;
+            /** Restarts */
+            restarts: number;
+            /** Samples */
+            samples: number;
+            /**
+             * Uncovered B
+             * @description unit directions that miss samples, at most 40
+             */
+            uncovered_b: number[][];
+            /**
+             * Values
+             * @description live numbers, unit in the name
+             */
+            values: {
+                [key: string]: number | null;
+            };
         };
         /**
          * ProtocolOut
@@ -1303,6 +2025,42 @@ export interface components {
             wanted_hz: number | null;
         };
         /**
+         * ResidualOut
+         * @description RMS of what the parameters leave unexplained.
+         */
+        ResidualOut: {
+            /** Unit */
+            unit: string;
+            /** Value */
+            value: number | null;
+        };
+        /**
+         * RoomMagnetIn
+         * @description Bring iron near that stays where it is when the board turns, or take it away; in flight as well.
+         */
+        RoomMagnetIn: {
+            /**
+             * @description discriminator enum property added by openapi-typescript
+             * @enum {string}
+             */
+            action: "room_magnet";
+            /**
+             * Field N Gauss
+             * @default [
+             *       0.12,
+             *       -0.09,
+             *       0.1
+             *     ]
+             */
+            field_n_gauss: [
+                number,
+                number,
+                number
+            ];
+            /** Is On */
+            is_on: boolean;
+        };
+        /**
          * SenderOut
          * @description Frames and sequence losses of one sender on the link.
          */
@@ -1315,6 +2073,17 @@ export interface components {
             lost: number;
             /** System */
             system: number;
+        };
+        /**
+         * SensorIn
+         * @description A sensor named in a request.
+         */
+        SensorIn: {
+            /**
+             * Sensor
+             * @enum {string}
+             */
+            sensor: "gyro" | "accel" | "mag" | "board" | "airspeed" | "baro";
         };
         /**
          * SensorOut
@@ -1353,6 +2122,31 @@ export interface components {
             scale: number;
         };
         /**
+         * SensorSetsOut
+         * @description What is in force on one sensor.
+         */
+        SensorSetsOut: {
+            /** Can Roll Back */
+            can_roll_back: boolean;
+            /**
+             * Parameters
+             * @description in force, also where none was applied
+             */
+            parameters: {
+                [key: string]: number | null | (number | null)[] | (number | null)[][];
+            };
+            /**
+             * Sensor
+             * @enum {string}
+             */
+            sensor: "gyro" | "accel" | "mag" | "board" | "airspeed" | "baro";
+            /**
+             * Set Id
+             * @description "" = none
+             */
+            set_id: string;
+        };
+        /**
          * SessionIn
          * @description The token a person typed once.
          */
@@ -1372,6 +2166,74 @@ export interface components {
              * @enum {string}
              */
             role: "viewer" | "operator";
+        };
+        /**
+         * SetOut
+         * @description One stored calibration of one sensor.
+         */
+        SetOut: {
+            /** Board Id */
+            board_id: string;
+            check: components["schemas"]["server__wire_calibration__CheckOut"] | null;
+            /** Coverage */
+            coverage: number | null;
+            /** Created By */
+            created_by: string;
+            /** Created Utc */
+            created_utc: string;
+            /**
+             * Grade
+             * @enum {string}
+             */
+            grade: "good" | "fair" | "poor" | "";
+            /** Id */
+            id: string;
+            /** In Force */
+            in_force: boolean;
+            /** Kind */
+            kind: string;
+            /** Note */
+            note: string;
+            /** Parameters */
+            parameters: {
+                [key: string]: number | null | (number | null)[] | (number | null)[][];
+            };
+            residual_after: components["schemas"]["ResidualOut"] | null;
+            residual_before: components["schemas"]["ResidualOut"] | null;
+            /** Samples File */
+            samples_file: string;
+            /**
+             * Sensor
+             * @enum {string}
+             */
+            sensor: "gyro" | "accel" | "mag" | "board" | "airspeed" | "baro";
+            /** Sigma */
+            sigma: {
+                [key: string]: number | null | (number | null)[] | (number | null)[][];
+            };
+            /** Software Version */
+            software_version: string;
+            /** Source */
+            source: string;
+            /** Temperature Degc */
+            temperature_degc: number | null;
+        };
+        /**
+         * SetsOut
+         * @description The store of one board, newest first.
+         */
+        SetsOut: {
+            /** Board Id */
+            board_id: string;
+            /** Sensors */
+            sensors: components["schemas"]["SensorSetsOut"][];
+            /** Sets */
+            sets: components["schemas"]["SetOut"][];
+            /**
+             * Troubles
+             * @description what the store had to put aside when it was opened
+             */
+            troubles: string[];
         };
         /**
          * SettingOut
@@ -1408,6 +2270,99 @@ export interface components {
             settings: components["schemas"]["SettingOut"][];
         };
         /**
+         * ShakeIn
+         * @description Shake the board in the pose in which it is.
+         */
+        ShakeIn: {
+            /**
+             * @description discriminator enum property added by openapi-typescript
+             * @enum {string}
+             */
+            action: "shake";
+            /**
+             * Duration S
+             * @default 5
+             */
+            duration_s: number;
+            /**
+             * Strength M S2
+             * @description RMS per axis
+             * @default 2
+             */
+            strength_m_s2: number;
+        };
+        /**
+         * SimulatorOut
+         * @description What the demo board does now; times in board seconds unless said.
+         */
+        SimulatorOut: {
+            /**
+             * Action
+             * @description newest motion asked for: pose, spin, turntable, shake, fly; "" before the first
+             */
+            action: string;
+            /** Board Id */
+            board_id: string;
+            /**
+             * Down B
+             * @description direction that points down, body FRD
+             */
+            down_b: number[];
+            /**
+             * Has Airspeed
+             * @description it has a pressure tube: sim:?errors=raw
+             */
+            has_airspeed: boolean;
+            /**
+             * Is Moving
+             * @description by hand or table; false at rest and while flying
+             */
+            is_moving: boolean;
+            /**
+             * Is Uncalibrated
+             * @description its sensors err as they left the factory: sim:?errors=raw
+             */
+            is_uncalibrated: boolean;
+            /** Is Wind On Pitot */
+            is_wind_on_pitot: boolean;
+            /**
+             * Link Back S
+             * @description host seconds until it speaks again; 0 = it does
+             */
+            link_back_s: number;
+            /**
+             * Magnet B Gauss
+             * @description [] = off
+             */
+            magnet_b_gauss: number[];
+            /**
+             * Mode
+             * @description its endless flight, or in the hand at the place of departure
+             * @enum {string}
+             */
+            mode: "flying" | "in-hand";
+            /**
+             * Name
+             * @description of the pose it has or goes to, "" = none
+             */
+            name: string;
+            /**
+             * Q Nb
+             * @description true attitude
+             */
+            q_nb: number[];
+            /**
+             * Remaining S
+             * @description until the action is done; 0 = it is
+             */
+            remaining_s: number;
+            /**
+             * Room N Gauss
+             * @description [] = off
+             */
+            room_n_gauss: number[];
+        };
+        /**
          * SiteOut
          * @description Origin of the local frame and its field.
          */
@@ -1428,6 +2383,27 @@ export interface components {
             lat_deg: number;
             /** Lon Deg */
             lon_deg: number;
+        };
+        /**
+         * SpinIn
+         * @description Turn the board for the magnetometer: all ways within 40 s, or about one axis only.
+         */
+        SpinIn: {
+            /**
+             * About
+             * @description null = every direction
+             */
+            about?: ("x" | "y" | "z") | null;
+            /**
+             * @description discriminator enum property added by openapi-typescript
+             * @enum {string}
+             */
+            action: "spin";
+            /**
+             * Duration S
+             * @default 40
+             */
+            duration_s: number;
         };
         /**
          * StreamErrorOut
@@ -1521,6 +2497,40 @@ export interface components {
             topic: string;
         };
         /**
+         * TurntableIn
+         * @description Lay the board with an axis upright, rest, turn by whole turns, rest.
+         */
+        TurntableIn: {
+            /**
+             * @description discriminator enum property added by openapi-typescript
+             * @enum {string}
+             */
+            action: "turntable";
+            /**
+             * Axis
+             * @default z
+             * @enum {string}
+             */
+            axis: "x" | "y" | "z";
+            /**
+             * Rate Rad S
+             * @default 1.5
+             */
+            rate_rad_s: number;
+            /**
+             * Rest S
+             * @description before the turning
+             * @default 5
+             */
+            rest_s: number;
+            /**
+             * Turns
+             * @description negative = the other way; not 0
+             * @default 2
+             */
+            turns: number;
+        };
+        /**
          * UnsubscribeIn
          * @description Stop a subscription; an unknown id is ignored.
          */
@@ -1561,6 +2571,59 @@ export interface components {
             values: {
                 [key: string]: number | null;
             };
+        };
+        /**
+         * WarningOut
+         * @description What a file cannot say or hold.
+         */
+        WarningOut: {
+            /** Code */
+            code: string;
+            /** Text */
+            text: string;
+        };
+        /**
+         * WindOnPitotIn
+         * @description Have gusts blow into the pressure tube, or cover it; `sim:?errors=raw` only.
+         */
+        WindOnPitotIn: {
+            /**
+             * @description discriminator enum property added by openapi-typescript
+             * @enum {string}
+             */
+            action: "wind_on_pitot";
+            /** Is On */
+            is_on: boolean;
+        };
+        /**
+         * CheckOut
+         * @description Verification on fresh data.
+         */
+        server__wire_calibration__CheckOut: {
+            /** Limit */
+            limit: number | null;
+            /** Ok */
+            ok: boolean;
+            residual: components["schemas"]["ResidualOut"];
+            /** Samples */
+            samples: number;
+        };
+        /**
+         * CheckOut
+         * @description One line of the doctor.
+         */
+        server__wire_service__CheckOut: {
+            /** Cause */
+            cause: string;
+            /** Name */
+            name: string;
+            /** Remedy */
+            remedy: string;
+            /**
+             * State
+             * @enum {string}
+             */
+            state: "ok" | "caution" | "problem";
         };
     };
     responses: never;
@@ -1855,6 +2918,1314 @@ export interface operations {
             };
             /** @description Not Found */
             404: {
+                headers: {
+                    [name: string]: unknown;
+                };
+                content: {
+                    "application/problem+json": components["schemas"]["Problem"];
+                };
+            };
+            /** @description Request Entity Too Large */
+            413: {
+                headers: {
+                    [name: string]: unknown;
+                };
+                content: {
+                    "application/problem+json": components["schemas"]["Problem"];
+                };
+            };
+            /** @description Unprocessable Entity */
+            422: {
+                headers: {
+                    [name: string]: unknown;
+                };
+                content: {
+                    "application/problem+json": components["schemas"]["Problem"];
+                };
+            };
+            /** @description Too Many Requests */
+            429: {
+                headers: {
+                    [name: string]: unknown;
+                };
+                content: {
+                    "application/problem+json": components["schemas"]["Problem"];
+                };
+            };
+            /** @description Internal Server Error */
+            500: {
+                headers: {
+                    [name: string]: unknown;
+                };
+                content: {
+                    "application/problem+json": components["schemas"]["Problem"];
+                };
+            };
+        };
+    };
+    list_sets_api_v1_boards__board_id__calibration_sets_get: {
+        parameters: {
+            query?: never;
+            header?: never;
+            path: {
+                board_id: string;
+            };
+            cookie?: never;
+        };
+        requestBody?: never;
+        responses: {
+            /** @description Successful Response */
+            200: {
+                headers: {
+                    [name: string]: unknown;
+                };
+                content: {
+                    "application/json": components["schemas"]["SetsOut"];
+                };
+            };
+            /** @description Unauthorized */
+            401: {
+                headers: {
+                    [name: string]: unknown;
+                };
+                content: {
+                    "application/problem+json": components["schemas"]["Problem"];
+                };
+            };
+            /** @description Forbidden */
+            403: {
+                headers: {
+                    [name: string]: unknown;
+                };
+                content: {
+                    "application/problem+json": components["schemas"]["Problem"];
+                };
+            };
+            /** @description Not Found */
+            404: {
+                headers: {
+                    [name: string]: unknown;
+                };
+                content: {
+                    "application/problem+json": components["schemas"]["Problem"];
+                };
+            };
+            /** @description Request Entity Too Large */
+            413: {
+                headers: {
+                    [name: string]: unknown;
+                };
+                content: {
+                    "application/problem+json": components["schemas"]["Problem"];
+                };
+            };
+            /** @description Unprocessable Entity */
+            422: {
+                headers: {
+                    [name: string]: unknown;
+                };
+                content: {
+                    "application/problem+json": components["schemas"]["Problem"];
+                };
+            };
+            /** @description Too Many Requests */
+            429: {
+                headers: {
+                    [name: string]: unknown;
+                };
+                content: {
+                    "application/problem+json": components["schemas"]["Problem"];
+                };
+            };
+            /** @description Internal Server Error */
+            500: {
+                headers: {
+                    [name: string]: unknown;
+                };
+                content: {
+                    "application/problem+json": components["schemas"]["Problem"];
+                };
+            };
+        };
+    };
+    import_sets_api_v1_boards__board_id__calibration_sets_post: {
+        parameters: {
+            query?: never;
+            header?: never;
+            path: {
+                board_id: string;
+            };
+            cookie?: never;
+        };
+        requestBody: {
+            content: {
+                "application/json": components["schemas"]["ImportIn"];
+            };
+        };
+        responses: {
+            /** @description Successful Response */
+            201: {
+                headers: {
+                    [name: string]: unknown;
+                };
+                content: {
+                    "application/json": components["schemas"]["ImportedOut"];
+                };
+            };
+            /** @description Unauthorized */
+            401: {
+                headers: {
+                    [name: string]: unknown;
+                };
+                content: {
+                    "application/problem+json": components["schemas"]["Problem"];
+                };
+            };
+            /** @description Forbidden */
+            403: {
+                headers: {
+                    [name: string]: unknown;
+                };
+                content: {
+                    "application/problem+json": components["schemas"]["Problem"];
+                };
+            };
+            /** @description Not Found */
+            404: {
+                headers: {
+                    [name: string]: unknown;
+                };
+                content: {
+                    "application/problem+json": components["schemas"]["Problem"];
+                };
+            };
+            /** @description Conflict */
+            409: {
+                headers: {
+                    [name: string]: unknown;
+                };
+                content: {
+                    "application/problem+json": components["schemas"]["Problem"];
+                };
+            };
+            /** @description Request Entity Too Large */
+            413: {
+                headers: {
+                    [name: string]: unknown;
+                };
+                content: {
+                    "application/problem+json": components["schemas"]["Problem"];
+                };
+            };
+            /** @description Unprocessable Entity */
+            422: {
+                headers: {
+                    [name: string]: unknown;
+                };
+                content: {
+                    "application/problem+json": components["schemas"]["Problem"];
+                };
+            };
+            /** @description Too Many Requests */
+            429: {
+                headers: {
+                    [name: string]: unknown;
+                };
+                content: {
+                    "application/problem+json": components["schemas"]["Problem"];
+                };
+            };
+            /** @description Internal Server Error */
+            500: {
+                headers: {
+                    [name: string]: unknown;
+                };
+                content: {
+                    "application/problem+json": components["schemas"]["Problem"];
+                };
+            };
+        };
+    };
+    export_sets_api_v1_boards__board_id__calibration_sets_export_get: {
+        parameters: {
+            query?: {
+                format?: "native" | "ardupilot" | "px4" | "c";
+            };
+            header?: never;
+            path: {
+                board_id: string;
+            };
+            cookie?: never;
+        };
+        requestBody?: never;
+        responses: {
+            /** @description Successful Response */
+            200: {
+                headers: {
+                    [name: string]: unknown;
+                };
+                content: {
+                    "text/plain": string;
+                };
+            };
+            /** @description Unauthorized */
+            401: {
+                headers: {
+                    [name: string]: unknown;
+                };
+                content: {
+                    "application/problem+json": components["schemas"]["Problem"];
+                };
+            };
+            /** @description Forbidden */
+            403: {
+                headers: {
+                    [name: string]: unknown;
+                };
+                content: {
+                    "application/problem+json": components["schemas"]["Problem"];
+                };
+            };
+            /** @description Not Found */
+            404: {
+                headers: {
+                    [name: string]: unknown;
+                };
+                content: {
+                    "application/problem+json": components["schemas"]["Problem"];
+                };
+            };
+            /** @description Conflict */
+            409: {
+                headers: {
+                    [name: string]: unknown;
+                };
+                content: {
+                    "application/problem+json": components["schemas"]["Problem"];
+                };
+            };
+            /** @description Request Entity Too Large */
+            413: {
+                headers: {
+                    [name: string]: unknown;
+                };
+                content: {
+                    "application/problem+json": components["schemas"]["Problem"];
+                };
+            };
+            /** @description Unprocessable Entity */
+            422: {
+                headers: {
+                    [name: string]: unknown;
+                };
+                content: {
+                    "application/problem+json": components["schemas"]["Problem"];
+                };
+            };
+            /** @description Too Many Requests */
+            429: {
+                headers: {
+                    [name: string]: unknown;
+                };
+                content: {
+                    "application/problem+json": components["schemas"]["Problem"];
+                };
+            };
+            /** @description Internal Server Error */
+            500: {
+                headers: {
+                    [name: string]: unknown;
+                };
+                content: {
+                    "application/problem+json": components["schemas"]["Problem"];
+                };
+            };
+        };
+    };
+    export_composed_api_v1_boards__board_id__calibration_sets_export_post: {
+        parameters: {
+            query?: never;
+            header?: never;
+            path: {
+                board_id: string;
+            };
+            cookie?: never;
+        };
+        requestBody: {
+            content: {
+                "application/json": components["schemas"]["ExportIn"];
+            };
+        };
+        responses: {
+            /** @description Successful Response */
+            200: {
+                headers: {
+                    [name: string]: unknown;
+                };
+                content: {
+                    "text/plain": string;
+                };
+            };
+            /** @description Unauthorized */
+            401: {
+                headers: {
+                    [name: string]: unknown;
+                };
+                content: {
+                    "application/problem+json": components["schemas"]["Problem"];
+                };
+            };
+            /** @description Forbidden */
+            403: {
+                headers: {
+                    [name: string]: unknown;
+                };
+                content: {
+                    "application/problem+json": components["schemas"]["Problem"];
+                };
+            };
+            /** @description Not Found */
+            404: {
+                headers: {
+                    [name: string]: unknown;
+                };
+                content: {
+                    "application/problem+json": components["schemas"]["Problem"];
+                };
+            };
+            /** @description Conflict */
+            409: {
+                headers: {
+                    [name: string]: unknown;
+                };
+                content: {
+                    "application/problem+json": components["schemas"]["Problem"];
+                };
+            };
+            /** @description Request Entity Too Large */
+            413: {
+                headers: {
+                    [name: string]: unknown;
+                };
+                content: {
+                    "application/problem+json": components["schemas"]["Problem"];
+                };
+            };
+            /** @description Unprocessable Entity */
+            422: {
+                headers: {
+                    [name: string]: unknown;
+                };
+                content: {
+                    "application/problem+json": components["schemas"]["Problem"];
+                };
+            };
+            /** @description Too Many Requests */
+            429: {
+                headers: {
+                    [name: string]: unknown;
+                };
+                content: {
+                    "application/problem+json": components["schemas"]["Problem"];
+                };
+            };
+            /** @description Internal Server Error */
+            500: {
+                headers: {
+                    [name: string]: unknown;
+                };
+                content: {
+                    "application/problem+json": components["schemas"]["Problem"];
+                };
+            };
+        };
+    };
+    roll_back_api_v1_boards__board_id__calibration_sets_roll_back_post: {
+        parameters: {
+            query?: never;
+            header?: never;
+            path: {
+                board_id: string;
+            };
+            cookie?: never;
+        };
+        requestBody: {
+            content: {
+                "application/json": components["schemas"]["SensorIn"];
+            };
+        };
+        responses: {
+            /** @description Successful Response */
+            202: {
+                headers: {
+                    [name: string]: unknown;
+                };
+                content: {
+                    "application/json": components["schemas"]["SetsOut"];
+                };
+            };
+            /** @description Unauthorized */
+            401: {
+                headers: {
+                    [name: string]: unknown;
+                };
+                content: {
+                    "application/problem+json": components["schemas"]["Problem"];
+                };
+            };
+            /** @description Forbidden */
+            403: {
+                headers: {
+                    [name: string]: unknown;
+                };
+                content: {
+                    "application/problem+json": components["schemas"]["Problem"];
+                };
+            };
+            /** @description Not Found */
+            404: {
+                headers: {
+                    [name: string]: unknown;
+                };
+                content: {
+                    "application/problem+json": components["schemas"]["Problem"];
+                };
+            };
+            /** @description Conflict */
+            409: {
+                headers: {
+                    [name: string]: unknown;
+                };
+                content: {
+                    "application/problem+json": components["schemas"]["Problem"];
+                };
+            };
+            /** @description Request Entity Too Large */
+            413: {
+                headers: {
+                    [name: string]: unknown;
+                };
+                content: {
+                    "application/problem+json": components["schemas"]["Problem"];
+                };
+            };
+            /** @description Unprocessable Entity */
+            422: {
+                headers: {
+                    [name: string]: unknown;
+                };
+                content: {
+                    "application/problem+json": components["schemas"]["Problem"];
+                };
+            };
+            /** @description Too Many Requests */
+            429: {
+                headers: {
+                    [name: string]: unknown;
+                };
+                content: {
+                    "application/problem+json": components["schemas"]["Problem"];
+                };
+            };
+            /** @description Internal Server Error */
+            500: {
+                headers: {
+                    [name: string]: unknown;
+                };
+                content: {
+                    "application/problem+json": components["schemas"]["Problem"];
+                };
+            };
+        };
+    };
+    take_off_api_v1_boards__board_id__calibration_sets_take_off_post: {
+        parameters: {
+            query?: never;
+            header?: never;
+            path: {
+                board_id: string;
+            };
+            cookie?: never;
+        };
+        requestBody: {
+            content: {
+                "application/json": components["schemas"]["SensorIn"];
+            };
+        };
+        responses: {
+            /** @description Successful Response */
+            202: {
+                headers: {
+                    [name: string]: unknown;
+                };
+                content: {
+                    "application/json": components["schemas"]["SetsOut"];
+                };
+            };
+            /** @description Unauthorized */
+            401: {
+                headers: {
+                    [name: string]: unknown;
+                };
+                content: {
+                    "application/problem+json": components["schemas"]["Problem"];
+                };
+            };
+            /** @description Forbidden */
+            403: {
+                headers: {
+                    [name: string]: unknown;
+                };
+                content: {
+                    "application/problem+json": components["schemas"]["Problem"];
+                };
+            };
+            /** @description Not Found */
+            404: {
+                headers: {
+                    [name: string]: unknown;
+                };
+                content: {
+                    "application/problem+json": components["schemas"]["Problem"];
+                };
+            };
+            /** @description Conflict */
+            409: {
+                headers: {
+                    [name: string]: unknown;
+                };
+                content: {
+                    "application/problem+json": components["schemas"]["Problem"];
+                };
+            };
+            /** @description Request Entity Too Large */
+            413: {
+                headers: {
+                    [name: string]: unknown;
+                };
+                content: {
+                    "application/problem+json": components["schemas"]["Problem"];
+                };
+            };
+            /** @description Unprocessable Entity */
+            422: {
+                headers: {
+                    [name: string]: unknown;
+                };
+                content: {
+                    "application/problem+json": components["schemas"]["Problem"];
+                };
+            };
+            /** @description Too Many Requests */
+            429: {
+                headers: {
+                    [name: string]: unknown;
+                };
+                content: {
+                    "application/problem+json": components["schemas"]["Problem"];
+                };
+            };
+            /** @description Internal Server Error */
+            500: {
+                headers: {
+                    [name: string]: unknown;
+                };
+                content: {
+                    "application/problem+json": components["schemas"]["Problem"];
+                };
+            };
+        };
+    };
+    get_set_api_v1_boards__board_id__calibration_sets__set_id__get: {
+        parameters: {
+            query?: never;
+            header?: never;
+            path: {
+                set_id: string;
+                board_id: string;
+            };
+            cookie?: never;
+        };
+        requestBody?: never;
+        responses: {
+            /** @description Successful Response */
+            200: {
+                headers: {
+                    [name: string]: unknown;
+                };
+                content: {
+                    "application/json": components["schemas"]["SetOut"];
+                };
+            };
+            /** @description Unauthorized */
+            401: {
+                headers: {
+                    [name: string]: unknown;
+                };
+                content: {
+                    "application/problem+json": components["schemas"]["Problem"];
+                };
+            };
+            /** @description Forbidden */
+            403: {
+                headers: {
+                    [name: string]: unknown;
+                };
+                content: {
+                    "application/problem+json": components["schemas"]["Problem"];
+                };
+            };
+            /** @description Not Found */
+            404: {
+                headers: {
+                    [name: string]: unknown;
+                };
+                content: {
+                    "application/problem+json": components["schemas"]["Problem"];
+                };
+            };
+            /** @description Request Entity Too Large */
+            413: {
+                headers: {
+                    [name: string]: unknown;
+                };
+                content: {
+                    "application/problem+json": components["schemas"]["Problem"];
+                };
+            };
+            /** @description Unprocessable Entity */
+            422: {
+                headers: {
+                    [name: string]: unknown;
+                };
+                content: {
+                    "application/problem+json": components["schemas"]["Problem"];
+                };
+            };
+            /** @description Too Many Requests */
+            429: {
+                headers: {
+                    [name: string]: unknown;
+                };
+                content: {
+                    "application/problem+json": components["schemas"]["Problem"];
+                };
+            };
+            /** @description Internal Server Error */
+            500: {
+                headers: {
+                    [name: string]: unknown;
+                };
+                content: {
+                    "application/problem+json": components["schemas"]["Problem"];
+                };
+            };
+        };
+    };
+    delete_set_api_v1_boards__board_id__calibration_sets__set_id__delete: {
+        parameters: {
+            query?: never;
+            header?: never;
+            path: {
+                set_id: string;
+                board_id: string;
+            };
+            cookie?: never;
+        };
+        requestBody?: never;
+        responses: {
+            /** @description Successful Response */
+            204: {
+                headers: {
+                    [name: string]: unknown;
+                };
+                content?: never;
+            };
+            /** @description Unauthorized */
+            401: {
+                headers: {
+                    [name: string]: unknown;
+                };
+                content: {
+                    "application/problem+json": components["schemas"]["Problem"];
+                };
+            };
+            /** @description Forbidden */
+            403: {
+                headers: {
+                    [name: string]: unknown;
+                };
+                content: {
+                    "application/problem+json": components["schemas"]["Problem"];
+                };
+            };
+            /** @description Not Found */
+            404: {
+                headers: {
+                    [name: string]: unknown;
+                };
+                content: {
+                    "application/problem+json": components["schemas"]["Problem"];
+                };
+            };
+            /** @description Conflict */
+            409: {
+                headers: {
+                    [name: string]: unknown;
+                };
+                content: {
+                    "application/problem+json": components["schemas"]["Problem"];
+                };
+            };
+            /** @description Request Entity Too Large */
+            413: {
+                headers: {
+                    [name: string]: unknown;
+                };
+                content: {
+                    "application/problem+json": components["schemas"]["Problem"];
+                };
+            };
+            /** @description Unprocessable Entity */
+            422: {
+                headers: {
+                    [name: string]: unknown;
+                };
+                content: {
+                    "application/problem+json": components["schemas"]["Problem"];
+                };
+            };
+            /** @description Too Many Requests */
+            429: {
+                headers: {
+                    [name: string]: unknown;
+                };
+                content: {
+                    "application/problem+json": components["schemas"]["Problem"];
+                };
+            };
+            /** @description Internal Server Error */
+            500: {
+                headers: {
+                    [name: string]: unknown;
+                };
+                content: {
+                    "application/problem+json": components["schemas"]["Problem"];
+                };
+            };
+        };
+    };
+    apply_set_api_v1_boards__board_id__calibration_sets__set_id__apply_post: {
+        parameters: {
+            query?: never;
+            header?: never;
+            path: {
+                set_id: string;
+                board_id: string;
+            };
+            cookie?: never;
+        };
+        requestBody?: never;
+        responses: {
+            /** @description Successful Response */
+            202: {
+                headers: {
+                    [name: string]: unknown;
+                };
+                content: {
+                    "application/json": components["schemas"]["SetsOut"];
+                };
+            };
+            /** @description Unauthorized */
+            401: {
+                headers: {
+                    [name: string]: unknown;
+                };
+                content: {
+                    "application/problem+json": components["schemas"]["Problem"];
+                };
+            };
+            /** @description Forbidden */
+            403: {
+                headers: {
+                    [name: string]: unknown;
+                };
+                content: {
+                    "application/problem+json": components["schemas"]["Problem"];
+                };
+            };
+            /** @description Not Found */
+            404: {
+                headers: {
+                    [name: string]: unknown;
+                };
+                content: {
+                    "application/problem+json": components["schemas"]["Problem"];
+                };
+            };
+            /** @description Conflict */
+            409: {
+                headers: {
+                    [name: string]: unknown;
+                };
+                content: {
+                    "application/problem+json": components["schemas"]["Problem"];
+                };
+            };
+            /** @description Request Entity Too Large */
+            413: {
+                headers: {
+                    [name: string]: unknown;
+                };
+                content: {
+                    "application/problem+json": components["schemas"]["Problem"];
+                };
+            };
+            /** @description Unprocessable Entity */
+            422: {
+                headers: {
+                    [name: string]: unknown;
+                };
+                content: {
+                    "application/problem+json": components["schemas"]["Problem"];
+                };
+            };
+            /** @description Too Many Requests */
+            429: {
+                headers: {
+                    [name: string]: unknown;
+                };
+                content: {
+                    "application/problem+json": components["schemas"]["Problem"];
+                };
+            };
+            /** @description Internal Server Error */
+            500: {
+                headers: {
+                    [name: string]: unknown;
+                };
+                content: {
+                    "application/problem+json": components["schemas"]["Problem"];
+                };
+            };
+        };
+    };
+    diff_sets_api_v1_boards__board_id__calibration_sets__set_id__diff__other_id__get: {
+        parameters: {
+            query?: never;
+            header?: never;
+            path: {
+                set_id: string;
+                other_id: string;
+                board_id: string;
+            };
+            cookie?: never;
+        };
+        requestBody?: never;
+        responses: {
+            /** @description Successful Response */
+            200: {
+                headers: {
+                    [name: string]: unknown;
+                };
+                content: {
+                    "application/json": components["schemas"]["DiffOut"];
+                };
+            };
+            /** @description Unauthorized */
+            401: {
+                headers: {
+                    [name: string]: unknown;
+                };
+                content: {
+                    "application/problem+json": components["schemas"]["Problem"];
+                };
+            };
+            /** @description Forbidden */
+            403: {
+                headers: {
+                    [name: string]: unknown;
+                };
+                content: {
+                    "application/problem+json": components["schemas"]["Problem"];
+                };
+            };
+            /** @description Not Found */
+            404: {
+                headers: {
+                    [name: string]: unknown;
+                };
+                content: {
+                    "application/problem+json": components["schemas"]["Problem"];
+                };
+            };
+            /** @description Conflict */
+            409: {
+                headers: {
+                    [name: string]: unknown;
+                };
+                content: {
+                    "application/problem+json": components["schemas"]["Problem"];
+                };
+            };
+            /** @description Request Entity Too Large */
+            413: {
+                headers: {
+                    [name: string]: unknown;
+                };
+                content: {
+                    "application/problem+json": components["schemas"]["Problem"];
+                };
+            };
+            /** @description Unprocessable Entity */
+            422: {
+                headers: {
+                    [name: string]: unknown;
+                };
+                content: {
+                    "application/problem+json": components["schemas"]["Problem"];
+                };
+            };
+            /** @description Too Many Requests */
+            429: {
+                headers: {
+                    [name: string]: unknown;
+                };
+                content: {
+                    "application/problem+json": components["schemas"]["Problem"];
+                };
+            };
+            /** @description Internal Server Error */
+            500: {
+                headers: {
+                    [name: string]: unknown;
+                };
+                content: {
+                    "application/problem+json": components["schemas"]["Problem"];
+                };
+            };
+        };
+    };
+    list_jobs_api_v1_boards__board_id__calibrations_get: {
+        parameters: {
+            query?: never;
+            header?: never;
+            path: {
+                board_id: string;
+            };
+            cookie?: never;
+        };
+        requestBody?: never;
+        responses: {
+            /** @description Successful Response */
+            200: {
+                headers: {
+                    [name: string]: unknown;
+                };
+                content: {
+                    "application/json": components["schemas"]["JobsOut"];
+                };
+            };
+            /** @description Unauthorized */
+            401: {
+                headers: {
+                    [name: string]: unknown;
+                };
+                content: {
+                    "application/problem+json": components["schemas"]["Problem"];
+                };
+            };
+            /** @description Forbidden */
+            403: {
+                headers: {
+                    [name: string]: unknown;
+                };
+                content: {
+                    "application/problem+json": components["schemas"]["Problem"];
+                };
+            };
+            /** @description Not Found */
+            404: {
+                headers: {
+                    [name: string]: unknown;
+                };
+                content: {
+                    "application/problem+json": components["schemas"]["Problem"];
+                };
+            };
+            /** @description Request Entity Too Large */
+            413: {
+                headers: {
+                    [name: string]: unknown;
+                };
+                content: {
+                    "application/problem+json": components["schemas"]["Problem"];
+                };
+            };
+            /** @description Unprocessable Entity */
+            422: {
+                headers: {
+                    [name: string]: unknown;
+                };
+                content: {
+                    "application/problem+json": components["schemas"]["Problem"];
+                };
+            };
+            /** @description Too Many Requests */
+            429: {
+                headers: {
+                    [name: string]: unknown;
+                };
+                content: {
+                    "application/problem+json": components["schemas"]["Problem"];
+                };
+            };
+            /** @description Internal Server Error */
+            500: {
+                headers: {
+                    [name: string]: unknown;
+                };
+                content: {
+                    "application/problem+json": components["schemas"]["Problem"];
+                };
+            };
+        };
+    };
+    start_job_api_v1_boards__board_id__calibrations_post: {
+        parameters: {
+            query?: never;
+            header?: never;
+            path: {
+                board_id: string;
+            };
+            cookie?: never;
+        };
+        requestBody: {
+            content: {
+                "application/json": components["schemas"]["CalibrationIn"];
+            };
+        };
+        responses: {
+            /** @description Successful Response */
+            202: {
+                headers: {
+                    [name: string]: unknown;
+                };
+                content: {
+                    "application/json": components["schemas"]["JobOut"];
+                };
+            };
+            /** @description Unauthorized */
+            401: {
+                headers: {
+                    [name: string]: unknown;
+                };
+                content: {
+                    "application/problem+json": components["schemas"]["Problem"];
+                };
+            };
+            /** @description Forbidden */
+            403: {
+                headers: {
+                    [name: string]: unknown;
+                };
+                content: {
+                    "application/problem+json": components["schemas"]["Problem"];
+                };
+            };
+            /** @description Not Found */
+            404: {
+                headers: {
+                    [name: string]: unknown;
+                };
+                content: {
+                    "application/problem+json": components["schemas"]["Problem"];
+                };
+            };
+            /** @description Conflict */
+            409: {
+                headers: {
+                    [name: string]: unknown;
+                };
+                content: {
+                    "application/problem+json": components["schemas"]["Problem"];
+                };
+            };
+            /** @description Request Entity Too Large */
+            413: {
+                headers: {
+                    [name: string]: unknown;
+                };
+                content: {
+                    "application/problem+json": components["schemas"]["Problem"];
+                };
+            };
+            /** @description Unprocessable Entity */
+            422: {
+                headers: {
+                    [name: string]: unknown;
+                };
+                content: {
+                    "application/problem+json": components["schemas"]["Problem"];
+                };
+            };
+            /** @description Too Many Requests */
+            429: {
+                headers: {
+                    [name: string]: unknown;
+                };
+                content: {
+                    "application/problem+json": components["schemas"]["Problem"];
+                };
+            };
+            /** @description Internal Server Error */
+            500: {
+                headers: {
+                    [name: string]: unknown;
+                };
+                content: {
+                    "application/problem+json": components["schemas"]["Problem"];
+                };
+            };
+        };
+    };
+    get_job_api_v1_boards__board_id__calibrations__job_id__get: {
+        parameters: {
+            query?: never;
+            header?: never;
+            path: {
+                job_id: string;
+                board_id: string;
+            };
+            cookie?: never;
+        };
+        requestBody?: never;
+        responses: {
+            /** @description Successful Response */
+            200: {
+                headers: {
+                    [name: string]: unknown;
+                };
+                content: {
+                    "application/json": components["schemas"]["JobOut"];
+                };
+            };
+            /** @description Unauthorized */
+            401: {
+                headers: {
+                    [name: string]: unknown;
+                };
+                content: {
+                    "application/problem+json": components["schemas"]["Problem"];
+                };
+            };
+            /** @description Forbidden */
+            403: {
+                headers: {
+                    [name: string]: unknown;
+                };
+                content: {
+                    "application/problem+json": components["schemas"]["Problem"];
+                };
+            };
+            /** @description Not Found */
+            404: {
+                headers: {
+                    [name: string]: unknown;
+                };
+                content: {
+                    "application/problem+json": components["schemas"]["Problem"];
+                };
+            };
+            /** @description Request Entity Too Large */
+            413: {
+                headers: {
+                    [name: string]: unknown;
+                };
+                content: {
+                    "application/problem+json": components["schemas"]["Problem"];
+                };
+            };
+            /** @description Unprocessable Entity */
+            422: {
+                headers: {
+                    [name: string]: unknown;
+                };
+                content: {
+                    "application/problem+json": components["schemas"]["Problem"];
+                };
+            };
+            /** @description Too Many Requests */
+            429: {
+                headers: {
+                    [name: string]: unknown;
+                };
+                content: {
+                    "application/problem+json": components["schemas"]["Problem"];
+                };
+            };
+            /** @description Internal Server Error */
+            500: {
+                headers: {
+                    [name: string]: unknown;
+                };
+                content: {
+                    "application/problem+json": components["schemas"]["Problem"];
+                };
+            };
+        };
+    };
+    act_on_job_api_v1_boards__board_id__calibrations__job_id___action__post: {
+        parameters: {
+            query?: never;
+            header?: never;
+            path: {
+                job_id: string;
+                action: "cancel" | "confirm" | "verify" | "apply";
+                board_id: string;
+            };
+            cookie?: never;
+        };
+        requestBody?: never;
+        responses: {
+            /** @description Successful Response */
+            202: {
+                headers: {
+                    [name: string]: unknown;
+                };
+                content: {
+                    "application/json": components["schemas"]["JobOut"];
+                };
+            };
+            /** @description Unauthorized */
+            401: {
+                headers: {
+                    [name: string]: unknown;
+                };
+                content: {
+                    "application/problem+json": components["schemas"]["Problem"];
+                };
+            };
+            /** @description Forbidden */
+            403: {
+                headers: {
+                    [name: string]: unknown;
+                };
+                content: {
+                    "application/problem+json": components["schemas"]["Problem"];
+                };
+            };
+            /** @description Not Found */
+            404: {
+                headers: {
+                    [name: string]: unknown;
+                };
+                content: {
+                    "application/problem+json": components["schemas"]["Problem"];
+                };
+            };
+            /** @description Conflict */
+            409: {
                 headers: {
                     [name: string]: unknown;
                 };
@@ -2501,6 +4872,272 @@ export interface operations {
             };
             /** @description Not Found */
             404: {
+                headers: {
+                    [name: string]: unknown;
+                };
+                content: {
+                    "application/problem+json": components["schemas"]["Problem"];
+                };
+            };
+            /** @description Request Entity Too Large */
+            413: {
+                headers: {
+                    [name: string]: unknown;
+                };
+                content: {
+                    "application/problem+json": components["schemas"]["Problem"];
+                };
+            };
+            /** @description Unprocessable Entity */
+            422: {
+                headers: {
+                    [name: string]: unknown;
+                };
+                content: {
+                    "application/problem+json": components["schemas"]["Problem"];
+                };
+            };
+            /** @description Too Many Requests */
+            429: {
+                headers: {
+                    [name: string]: unknown;
+                };
+                content: {
+                    "application/problem+json": components["schemas"]["Problem"];
+                };
+            };
+            /** @description Internal Server Error */
+            500: {
+                headers: {
+                    [name: string]: unknown;
+                };
+                content: {
+                    "application/problem+json": components["schemas"]["Problem"];
+                };
+            };
+        };
+    };
+    get_simulator_api_v1_boards__board_id__simulator_get: {
+        parameters: {
+            query?: never;
+            header?: never;
+            path: {
+                board_id: string;
+            };
+            cookie?: never;
+        };
+        requestBody?: never;
+        responses: {
+            /** @description Successful Response */
+            200: {
+                headers: {
+                    [name: string]: unknown;
+                };
+                content: {
+                    "application/json": components["schemas"]["SimulatorOut"];
+                };
+            };
+            /** @description Unauthorized */
+            401: {
+                headers: {
+                    [name: string]: unknown;
+                };
+                content: {
+                    "application/problem+json": components["schemas"]["Problem"];
+                };
+            };
+            /** @description Forbidden */
+            403: {
+                headers: {
+                    [name: string]: unknown;
+                };
+                content: {
+                    "application/problem+json": components["schemas"]["Problem"];
+                };
+            };
+            /** @description Not Found */
+            404: {
+                headers: {
+                    [name: string]: unknown;
+                };
+                content: {
+                    "application/problem+json": components["schemas"]["Problem"];
+                };
+            };
+            /** @description Conflict */
+            409: {
+                headers: {
+                    [name: string]: unknown;
+                };
+                content: {
+                    "application/problem+json": components["schemas"]["Problem"];
+                };
+            };
+            /** @description Request Entity Too Large */
+            413: {
+                headers: {
+                    [name: string]: unknown;
+                };
+                content: {
+                    "application/problem+json": components["schemas"]["Problem"];
+                };
+            };
+            /** @description Unprocessable Entity */
+            422: {
+                headers: {
+                    [name: string]: unknown;
+                };
+                content: {
+                    "application/problem+json": components["schemas"]["Problem"];
+                };
+            };
+            /** @description Too Many Requests */
+            429: {
+                headers: {
+                    [name: string]: unknown;
+                };
+                content: {
+                    "application/problem+json": components["schemas"]["Problem"];
+                };
+            };
+            /** @description Internal Server Error */
+            500: {
+                headers: {
+                    [name: string]: unknown;
+                };
+                content: {
+                    "application/problem+json": components["schemas"]["Problem"];
+                };
+            };
+        };
+    };
+    post_simulator_api_v1_boards__board_id__simulator_post: {
+        parameters: {
+            query?: never;
+            header?: never;
+            path: {
+                board_id: string;
+            };
+            cookie?: never;
+        };
+        requestBody: {
+            content: {
+                "application/json": components["schemas"]["PoseIn"] | components["schemas"]["SpinIn"] | components["schemas"]["TurntableIn"] | components["schemas"]["ShakeIn"] | components["schemas"]["MagnetIn"] | components["schemas"]["RoomMagnetIn"] | components["schemas"]["WindOnPitotIn"] | components["schemas"]["FlyIn"] | components["schemas"]["DropLinkIn"];
+            };
+        };
+        responses: {
+            /** @description Successful Response */
+            202: {
+                headers: {
+                    [name: string]: unknown;
+                };
+                content: {
+                    "application/json": components["schemas"]["SimulatorOut"];
+                };
+            };
+            /** @description Unauthorized */
+            401: {
+                headers: {
+                    [name: string]: unknown;
+                };
+                content: {
+                    "application/problem+json": components["schemas"]["Problem"];
+                };
+            };
+            /** @description Forbidden */
+            403: {
+                headers: {
+                    [name: string]: unknown;
+                };
+                content: {
+                    "application/problem+json": components["schemas"]["Problem"];
+                };
+            };
+            /** @description Not Found */
+            404: {
+                headers: {
+                    [name: string]: unknown;
+                };
+                content: {
+                    "application/problem+json": components["schemas"]["Problem"];
+                };
+            };
+            /** @description Conflict */
+            409: {
+                headers: {
+                    [name: string]: unknown;
+                };
+                content: {
+                    "application/problem+json": components["schemas"]["Problem"];
+                };
+            };
+            /** @description Request Entity Too Large */
+            413: {
+                headers: {
+                    [name: string]: unknown;
+                };
+                content: {
+                    "application/problem+json": components["schemas"]["Problem"];
+                };
+            };
+            /** @description Unprocessable Entity */
+            422: {
+                headers: {
+                    [name: string]: unknown;
+                };
+                content: {
+                    "application/problem+json": components["schemas"]["Problem"];
+                };
+            };
+            /** @description Too Many Requests */
+            429: {
+                headers: {
+                    [name: string]: unknown;
+                };
+                content: {
+                    "application/problem+json": components["schemas"]["Problem"];
+                };
+            };
+            /** @description Internal Server Error */
+            500: {
+                headers: {
+                    [name: string]: unknown;
+                };
+                content: {
+                    "application/problem+json": components["schemas"]["Problem"];
+                };
+            };
+        };
+    };
+    list_codes_api_v1_calibration_codes_get: {
+        parameters: {
+            query?: never;
+            header?: never;
+            path?: never;
+            cookie?: never;
+        };
+        requestBody?: never;
+        responses: {
+            /** @description Successful Response */
+            200: {
+                headers: {
+                    [name: string]: unknown;
+                };
+                content: {
+                    "application/json": components["schemas"]["CodesOut"];
+                };
+            };
+            /** @description Unauthorized */
+            401: {
+                headers: {
+                    [name: string]: unknown;
+                };
+                content: {
+                    "application/problem+json": components["schemas"]["Problem"];
+                };
+            };
+            /** @description Forbidden */
+            403: {
                 headers: {
                     [name: string]: unknown;
                 };

@@ -1,5 +1,7 @@
+import { calibrateEn } from "./calibrate.en";
 /** English texts. `{name}` is filled in; every key must exist in every other catalogue too. */
 export const en = {
+  ...calibrateEn,
   "app.skip": "Skip to content",
   "app.places": "Places",
 
@@ -529,13 +531,8 @@ export const en = {
   "date.model-epoch": "the model's epoch: no date was known",
   "date.none": "none",
   "later.title": "Still to come here",
-  "later.calibrate":
-    "A card per sensor with grade and last change, guided calibrations for gyroscope, accelerometer, magnetometer and airspeed, and their history. Until then nothing here changes the board.",
   "later.logs":
     "Recordings with one key, replay into these same screens, and what-if runs (another setting, a GNSS outage). Until then use the command line:",
-  "cal.title": "Calibrate",
-  "cal.known": "What is already known of each sensor",
-  "cal.running": "The estimator corrects these biases while it runs.",
   "logs.title": "Logs",
   "logs.session": "This session",
   "logs.emulate": "a recording as a board on the desk",

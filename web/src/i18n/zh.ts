@@ -1,7 +1,9 @@
+import { calibrateZh } from "./calibrate.zh";
 import type { Catalogue } from "./index.svelte";
 
 /** 简体中文。 */
 export const zh: Catalogue = {
+  ...calibrateZh,
   "app.skip": "跳到内容",
   "app.places": "页面",
 
@@ -511,12 +513,7 @@ export const zh: Catalogue = {
   "date.model-epoch": "模型历元：日期未知",
   "date.none": "无",
   "later.title": "此处即将提供",
-  "later.calibrate":
-    "每个传感器一张卡片（评级与最近变更），陀螺仪、加速度计、磁力计、空速计的引导校准及历史。在此之前，本页不会改动飞控板。",
   "later.logs": "一键录制，在相同界面中回放，以及假设分析（不同设置、卫星中断）。在此之前请使用命令行：",
-  "cal.title": "校准",
-  "cal.known": "各传感器的已知情况",
-  "cal.running": "估计器运行时持续修正这些零偏。",
   "logs.title": "日志",
   "logs.session": "本次会话",
   "logs.emulate": "把记录当作桌面上的飞控板",

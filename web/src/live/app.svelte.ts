@@ -84,6 +84,11 @@ class App {
     this.watchBoard();
   }
 
+  /** Receive a JSON topic until the returned function is called. */
+  listen(topic: string, data: (data: unknown) => void): () => void {
+    return this.stream.subscribe(topic, null, { data });
+  }
+
   /** Age now of something the server called `ageS` old at the last message. */
   healthAge(ageS: number | null | undefined): number | null {
     return this.aged(ageS, this.healthMs);
