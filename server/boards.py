@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import asyncio
 import re
-from collections.abc import Callable, Iterator
+from collections.abc import Awaitable, Callable, Iterator
 from pathlib import Path
 from typing import Final, TypeVar
 from urllib.parse import unquote
@@ -40,7 +40,7 @@ class Boards:
         self._tasks: dict[str, asyncio.Task[None]] = {}
         self._keys: dict[str, str] = {}
         self._group: asyncio.TaskGroup | None = None
-        self.on_added: list[Callable[[Board], None]] = []
+        self.on_added: list[Callable[[Board], Awaitable[None]]] = []
         self.on_removed: list[Callable[[str], None]] = []
         self.on_lanes: list[Callable[[Board], None]] = []
 
@@ -76,7 +76,7 @@ class Boards:
         self._boards[board_id] = board
         self._keys[board_id] = link_key(command.url)
         for told in self.on_added:
-            told(board)
+            await told(board)
         if self._group is not None:
             self._run(board)
         return Done(board_id=board_id)

@@ -88,9 +88,10 @@ class Driver:
             await asyncio.to_thread(lambda: [file.flush() for file in self._files.values() if file is not None])
 
     def _close(self) -> None:
-        for file in self._files.values():
-            if file is not None:
-                file.close()
+        for job_id, file in self._files.items():
+            stopped = file.close().stopped if file is not None else ""
+            if stopped not in {"", "closed"}:
+                log.warning("raw samples of %s: %s", job_id, stopped)
 
 
 def fitted(collector: Collector, job: Job) -> tuple[Fit, Check | None]:

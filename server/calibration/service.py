@@ -22,6 +22,7 @@ from server.calibration.scene import CalibrationScene
 from server.calibration.store import CalibrationStore
 from server.calibration_views import job_out
 from server.commands import Refusal, RefusalKind
+from server.nav.calibration.applied import Calibration
 from server.nav.calibration.codes import failure
 from server.nav.calibration.types import SENSOR_OF, CalKind, Fit
 from server.wire_calibration import JobsOut
@@ -34,7 +35,8 @@ log = logging.getLogger("navdeck.calibration")
 KIND_OF_STATUS: Final = {404: RefusalKind.MISSING, 422: RefusalKind.INVALID}
 JOBS_KEPT: Final = 30  # of one board; the oldest that is not active is forgotten
 STREAMED_JOBS: Final = 8
-MAX_SAMPLE_BYTES: Final = 200_000_000
+MAX_SAMPLE_BYTES: Final = 200_000_000  # of one job
+MAX_ALL_SAMPLES_BYTES: Final = 2_000_000_000  # of jobs that became no set; past that the oldest go
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
@@ -69,8 +71,7 @@ class Calibrations:
         """
         if self._store is None:
             self._store = CalibrationStore(self._store_folder)
-            for trouble in self._store.troubles:
-                log.warning("calibration store: %s", trouble)
+            self._store.trim_samples(MAX_ALL_SAMPLES_BYTES)
         return self._store
 
     def start(self, group: asyncio.TaskGroup) -> None:
@@ -298,9 +299,16 @@ class Calibrations:
         """Put in force what the store says is in force."""
         board.set_calibration(await asyncio.to_thread(self.store.calibration, board.id))
 
-    def _board_added(self, board: Board) -> None:
+    async def _board_added(self, board: Board) -> None:
+        def read() -> tuple[Calibration, tuple[str, ...]]:
+            return self.store.calibration(board.id), tuple(self.store.troubles)
+
         try:
-            board.set_calibration(self.store.calibration(board.id))
+            calibration, troubles = await asyncio.to_thread(read)
+            if not calibration.is_identity:
+                board.set_calibration(calibration)
+            for trouble in troubles:
+                board.note("calibration-store-trouble", "warning", trouble)
         except (OSError, StoreError) as error:
             board.note("calibration-unreadable", "warning", f"The stored calibration cannot be read: {error}")
 

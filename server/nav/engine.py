@@ -112,9 +112,10 @@ class NavEngine:
             self._start(int(block.t_ns[0]))
         parts: list[Part] = [self._told_before()] if self._untold and len(block.t_ns) else []
         cuts = np.flatnonzero(block.kind >= Kind.DATE).tolist()
-        moves = self._learning.cuts(block.kind, block.t_ns) if self._may_move else []
+        if self._may_move:
+            cuts = sorted({*cuts, *self._learning.cuts(block.kind, block.t_ns)})
         begin = 0
-        for cut in sorted({*cuts, *moves, len(block.kind)}):
+        for cut in (*cuts, len(block.kind)):
             while begin < cut:
                 part, begin = self._advance(block, begin, cut)
                 parts.append(part)
@@ -127,7 +128,8 @@ class NavEngine:
 
     @property
     def _may_move(self) -> bool:
-        return self._learning.is_moving(self._conditioning.chain.learned_gauss)
+        """True when the magnetic offset in use may have to move."""
+        return (self._learning.run and self._learning.apply) or self._conditioning.chain.has_learned
 
     def _move_offset(self) -> None:
         """Follow what is learned of the magnetic offset in flight, by a little."""
@@ -302,8 +304,9 @@ class NavEngine:
         if not self._mag_scale_told and len(got.seen):
             self._tell_mag_scale(got.seen, part)
         if len(got.steps):
-            learned = self._conditioning.chain.learned_gauss
-            self._learning.take(got.steps, got.meas, learned, self._t0_ns, self._delays_s[1])
+            if self._learning.run:
+                learned = self._conditioning.chain.learned_gauss
+                self._learning.take(got.steps, got.meas, learned, self._t0_ns, self._delays_s[1])
             self._run_lanes(got.steps, got.meas, part)
         if self._conditioning.take_changed():
             self._bank.start(self._lane_context())

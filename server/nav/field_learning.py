@@ -45,8 +45,6 @@ class FieldLearning:
             learned_gauss: shape (3,), taken off the field in meas.
             t0_ns: board time that the steps count from. mag_delay_s: as told; NaN = unknown.
         """
-        if not self.run:
-            return
         if self._learner is None:
             self._learner = MagLearner(t0_ns=t0_ns, mag_delay_s=mag_delay_s)
         self._learner.set_mag_delay(mag_delay_s)
@@ -76,10 +74,6 @@ class FieldLearning:
         if length == 0.0 or (length < LEAST_GAUSS and target.any()):
             return None
         return np.asarray(target if length <= MOST_GAUSS else present_gauss + way * (MOST_GAUSS / length))
-
-    def is_moving(self, present_gauss: Float) -> bool:
-        """Return whether the offset in use may have to be moved at all."""
-        return (self.run and self.apply) or bool(present_gauss.any())
 
     def cuts(self, kind: Byte, t_ns: Int) -> list[int]:
         """Return the samples before which the offset may move: the first of the IMU in each second of board time.

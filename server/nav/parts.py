@@ -51,6 +51,8 @@ def join_aids(rows: list[AidRows]) -> AidRows:
 
 def join_stages(parts: list[tuple[StageRows, ...]]) -> tuple[StageRows, ...]:
     """Return the stages of one call, each sensor's as one table."""
+    if not any(parts):
+        return ()
     found: dict[str, list[StageRows]] = {sensor: [] for sensor in STAGE_COLUMNS}
     for part in parts:
         for rows in part:

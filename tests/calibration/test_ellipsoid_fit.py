@@ -143,7 +143,7 @@ def test_the_order_of_the_axes_changes_only_the_names_of_the_axes_unlike_with_th
     xyz = ellipsoid(hand_sweep(13, 1500), S0_CENTRE, np.diag(1.0 / S0_RADII)) + rng.normal(size=(1500, 3)) * 15.0
     order = [2, 0, 1]
     fit, other = fit_ellipsoid(xyz, 6), fit_ellipsoid(xyz[:, order], 6)
-    np.testing.assert_allclose(other.parameters["offset"], fit.parameters["offset"][order], atol=1e-7)
+    np.testing.assert_allclose(other.parameters["offset"], np.asarray(fit.parameters["offset"])[order], atol=1e-7)
     assert np.abs(s0_fit(xyz[:, order]) - s0_fit(xyz)[order]).max() > 0.05
     assert np.linalg.norm(s0_fit(xyz) - S0_CENTRE) < 0.02 * S0_SIZE  # the comparison itself is the seeds' fit
 

@@ -6,7 +6,7 @@ import pytest
 from server.nav.calibration.mag_ellipsoid import fit_ellipsoid
 from tests.calibration.ellipsoid_truth import geometric_fit, shape_of
 
-# By their authors' programs: mag3's output file; michaelwro's plotting script (both an ellipsoid-specific fit, Li 2004).
+# By their authors' programs, both an ellipsoid-specific fit (Li 2004): mag3's output file, michaelwro's script.
 PUBLISHED = {
     "mag3": (
         [9955.151669, -7948.26463057, 8511.80447932],
@@ -39,7 +39,7 @@ def sweeps(shared_data):
 def test_published_offset_and_matrix_within_one_percent(sweeps, name):
     fit, (offset, matrix) = fit_ellipsoid(sweeps[name]), PUBLISHED[name]
     assert fit.ok
-    assert np.linalg.norm(fit.parameters["offset"] - offset) < 0.005 * fit.details["radius_raw"]
+    assert np.linalg.norm(np.subtract(fit.parameters["offset"], offset)) < 0.005 * fit.details["radius_raw"]
     np.testing.assert_allclose(shape_of(fit.parameters["matrix"]), shape_of(matrix), atol=0.005)
 
 
@@ -76,7 +76,7 @@ def test_what_is_accepted_of_a_recorded_sweep_agrees_with_the_whole(sweeps, name
             fit = fit_ellipsoid(part)
             if fit.ok:
                 accepted += 1
-                off = fit.parameters["offset"] - whole.parameters["offset"]
+                off = np.subtract(fit.parameters["offset"], whole.parameters["offset"])
                 both = np.hypot(fit.sigma["offset"], whole.sigma["offset"])
                 assert np.linalg.norm(off) < 0.04 * radius
                 assert np.all(np.abs(off) < 4.0 * both)

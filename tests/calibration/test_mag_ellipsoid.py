@@ -166,7 +166,7 @@ def test_a_far_offset_does_not_make_the_sphere_look_covered_or_not():
     near = collected(readings(ALL[ALL[:, 0] > -0.5])).progress()
     far = collected(readings(ALL[ALL[:, 0] > -0.5]) + np.array([30.0, -20.0, 50.0])).progress()
     assert near.values["coverage"] == pytest.approx(far.values["coverage"], abs=0.02)
-    assert 0.7 < far.values["coverage"] < 0.8
+    assert 0.7 < far.values["coverage"] < 0.85  # 3/4 of the sphere, and the cells that its edge cuts
 
 
 def test_rest_alone_is_no_progress():
@@ -185,7 +185,7 @@ def test_uncovered_directions_are_those_that_were_left_out():
 def test_the_pose_asked_for_puts_the_field_into_the_hole():
     """Held with that side down, and turned about the vertical, the field reaches the missing directions."""
     hole = np.array([0.0, 0.0, 1.0])
-    u = ALL[ALL @ hole < 0.7]
+    u = ALL[ALL @ hole < 0.4]
     field = np.array(FIELD) / STRENGTH
     collector = collected(readings(u))
     rng = np.random.default_rng(3)

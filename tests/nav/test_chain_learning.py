@@ -1,5 +1,7 @@
 """Learning in flight inside the engine: run only watches, apply moves the field by little, whatever the cuts."""
 
+from itertools import pairwise
+
 import numpy as np
 import pytest
 from hypothesis import given, settings
@@ -45,7 +47,7 @@ def fly(block, run, apply, edges=(), lanes=("ins_ekf", "vqf")):
     engine.set_mag_learning(run, apply)
     names = ("kind", "t_ns", "t_rx_ns", "data")
     edges = [0, *sorted(edges), len(block.kind)]
-    parts = [SampleBlock(**{n: getattr(block, n)[a:b] for n in names}) for a, b in zip(edges, edges[1:], strict=False)]
+    parts = [SampleBlock(**{n: getattr(block, n)[a:b] for n in names}) for a, b in pairwise(edges)]
     return merged([engine.step(part) for part in parts if len(part.kind)]), engine
 
 

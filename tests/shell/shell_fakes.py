@@ -8,6 +8,7 @@ tenth sample, whose columns count up from its number.
 import asyncio
 import contextlib
 import math
+import tempfile
 import time
 from collections.abc import AsyncIterator, Callable, Mapping
 from dataclasses import dataclass, field, replace
@@ -282,7 +283,11 @@ class FakeFactories:
 
 def fake_settings(**flags: Any) -> LoadedSettings:
     """Settings of a test: one demo board, no 3D view, nothing of the environment."""
-    return load_settings({"links": ("sim:",), "view3d": False, **flags})
+    return load_settings({"links": ("sim:",), "view3d": False, "data_dir": EMPTY.name, **flags})
+
+
+EMPTY = tempfile.TemporaryDirectory(prefix="navdeck-test-")
+"""Data folder of services whose test does not name one: nobody's calibrations are read or written."""
 
 
 @dataclass

@@ -8,7 +8,7 @@ import pytest
 from websockets.exceptions import InvalidStatus
 
 from server.app import serve
-from server.door import Names, same_origin
+from server.door import MAX_BODY_BYTES, Names, same_origin
 from server.keyring import GUESS_WINDOW_S, GUESSES, MAX_SESSIONS, SESSION_S, Keyring
 from server.listener import StartError
 from tests.shell.shell_fakes import Running, fake_settings, running

@@ -38,7 +38,7 @@ FAIR: Final = (0.04, 0.5, 0.025)
 """Grades: residual (of the radius) at most, coverage at least, σ of the offset (of the radius) at most; else poor."""
 CLIPPED_SAMPLES: Final = 8
 CLIPPED_SPREAD: Final = 0.4  # of the range of that axis: a cap of ±24° pressed flat
-CLIPPED_RESIDUAL: Final = 0.012
+CLIPPED_RESIDUAL, CLIPPED_REJECTED = 0.012, 0.01
 
 
 def provisional(cubes: Cubes) -> Solution | None:
@@ -75,8 +75,11 @@ def judged(cubes: Cubes, parameters: int, expected: float) -> Solution | Failure
     if refused is not None:
         return refused
     solution = solve(cubes, parameters)
+    uncovered = None if solution is None else _uncovered(solution)
+    if uncovered is not None:
+        return uncovered
     clipped = clipped_share(cubes)
-    if clipped >= CLIPPED_SPREAD and (solution is None or solution.residual > CLIPPED_RESIDUAL):
+    if clipped >= CLIPPED_SPREAD and (solution is None or _bent(solution)):
         return failure("saturated", clipped, CLIPPED_SPREAD)
     if solution is None:
         return _shapeless(cubes, parameters)
@@ -117,10 +120,8 @@ def _shapeless(cubes: Cubes, parameters: int) -> Failure:
     return failure("coverage-poor", sphere.coverage, FAIR[1])
 
 
-def _after(s: Solution, cubes: Cubes, expected: float) -> Failure | None:
-    rejected = s.rejected / (s.samples + s.rejected)
-    axes = 1.0 / np.linalg.eigvalsh(s.matrix)
-    error = s.offset_dilution * s.residual
+def _uncovered(s: Solution) -> Failure | None:
+    """Return the failure when too little of the sphere was seen, whatever the residual."""
     spread = principal_spread(s.cubes)
     if s.matrix_dilution > MATRIX_DILUTION and spread[0] < BAND * spread[2]:
         return failure("coverage-planar", spread[0] / spread[2], BAND)
@@ -128,6 +129,13 @@ def _after(s: Solution, cubes: Cubes, expected: float) -> Failure | None:
         return failure("coverage-poor", s.offset_dilution, OFFSET_DILUTION)
     if s.matrix_dilution > MATRIX_DILUTION:
         return failure("coverage-poor", s.matrix_dilution, MATRIX_DILUTION)
+    return None
+
+
+def _after(s: Solution, cubes: Cubes, expected: float) -> Failure | None:
+    rejected = s.rejected / (s.samples + s.rejected)
+    axes = 1.0 / np.linalg.eigvalsh(s.matrix)
+    error = s.offset_dilution * s.residual
     if s.residual > RESIDUAL:
         return _rough(s.residual, RESIDUAL, cubes, s)
     if rejected > REJECTED:
@@ -143,6 +151,11 @@ def _after(s: Solution, cubes: Cubes, expected: float) -> Failure | None:
     if np.isfinite(expected) and abs(s.radius / expected - 1.0) > STRENGTH:
         return failure("field-strength", s.radius, expected)
     return None
+
+
+def _bent(s: Solution) -> bool:
+    """True when a flat face does harm: an exact ring of latitude has one too, but lies on the ellipsoid."""
+    return s.residual > CLIPPED_RESIDUAL or s.rejected > CLIPPED_REJECTED * s.samples
 
 
 def _rough(measured: float, limit: float, cubes: Cubes, s: Solution) -> Failure:

@@ -18,6 +18,8 @@ Mask = NDArray[np.bool_]
 GROWTH: Final = 2.0**0.5
 FIRST_WIDTH: Final = 2.0**-26
 """First width of the cubes, of the first sample's length: below any sensor's resolution; it grows as it must."""
+FINEST: Final = 0.02  # of the cloud's spread: the first width to try when the cubes are used up
+FILL: Final = 0.75  # share of the cubes in use after growing
 
 WHITE_ROUGHNESS: Final = (6.0 * 8.0 / np.pi) ** 0.5
 """Mean length of the second difference of white noise of unit variance per axis: √6 times the mean of Maxwell's law."""
@@ -103,6 +105,14 @@ class Cubes:
         )
 
 
+def _groups(keys: Int) -> tuple[Int, Int]:
+    """Return the first row of each group of equal rows, and the group of each row; by hashes of 64 bits."""
+    with np.errstate(over="ignore"):
+        mixed = keys @ np.array([0x5851F42D4C957F2D, 0x14057B7EF767814F, 0x2545F4914F6CDD1D], dtype=np.int64)
+    _, first, group = np.unique(mixed, return_index=True, return_inverse=True)
+    return first.astype(np.int64), group.astype(np.int64)
+
+
 class MomentStream:
     """Takes samples and forgets them; holds the moments of at most `CUBES` cubes however long it lasts."""
 
@@ -175,15 +185,25 @@ class MomentStream:
         return True
 
     def _grow(self) -> None:
-        """Make the cubes wider until a good part of them is free."""
-        while self._counts[0] > 0.9 * CUBES:
-            self._width *= GROWTH
-            self._merge()
+        """Make the cubes wider until a good part is free; at once by as much as the spread of the cloud asks."""
+        used = int(self._counts[0])
+        origins = self._origins[:used]
+        spread = float(np.median(np.linalg.norm(origins - np.median(origins, axis=0), axis=1)))
+        steps = max(1, round(np.log2(max(spread * FINEST / self._width, 1.0)) * 2.0))
+        while len(_groups(self._indices(used, steps))[0]) > FILL * CUBES:
+            steps += 1
+        self._width *= GROWTH**steps
+        self._merge()
+
+    def _indices(self, used: int, steps: int) -> Int:
+        """Places of the first samples on a grid that is wider by so many steps, shape (used, 3)."""
+        keys: Int = np.floor((self._origins[:used] - self._zero) / (self._width * GROWTH**steps)).astype(np.int64)
+        return keys
 
     def _merge(self) -> None:
         used = int(self._counts[0])
-        keys = np.floor((self._origins[:used] - self._zero) / self._width).astype(np.int64)
-        _, first, group = np.unique(keys, axis=0, return_index=True, return_inverse=True)
+        keys = self._indices(used, 0)
+        first, group = _groups(keys)
         moved = shifted(self._sums[:used, :MOMENTS], self._origins[:used] - self._origins[first][group])
         sums = np.zeros((len(first), SUMS))
         np.add.at(sums, group, np.column_stack([moved, self._sums[:used, MOMENTS]]))

@@ -68,8 +68,8 @@ def near(cubes: Cubes) -> Mask:
 def start(cubes: Cubes) -> Mask:
     """Return a mask, shape (m,), to begin with: `near`, less what is far off a sphere that outliers hardly pull.
 
-    A quadric through fourth powers goes where the spikes are; a sphere by reweighted least squares does not. When it would
-    leave out more than a tenth it is not spikes (much rest in one pose makes a cluster of its own): then all stay.
+    A quadric through fourth powers goes where the spikes are; a sphere by reweighted least squares does not. When it
+    would leave out more than a tenth it is not spikes (rest in one pose makes a cluster of its own): then all stay.
     """
     keep = near(cubes)
     x = cubes.means[keep]
@@ -133,7 +133,9 @@ def _cells(moments: Float, ellipsoid: Ellipsoid) -> Int:
 def _gate(moments: Float, ellipsoid: Ellipsoid) -> Mask:
     """Mask of the cubes near the surface, by the typical residual of directions (not of samples: rest counts once)."""
     off, cell = misfit(moments, ellipsoid), _cells(moments, ellipsoid)
-    typical = [np.median(off[cell == c]) for c in np.unique(cell)]
+    order = np.lexsort((off, cell))
+    _, first, count = np.unique(cell[order], return_index=True, return_counts=True)
+    typical = off[order][first + count // 2]  # the median of each cell
     mask: Mask = off <= max(GATE * float(np.median(typical)), GATE_FLOOR)
     return mask
 

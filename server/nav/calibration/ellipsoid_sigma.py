@@ -35,9 +35,9 @@ def uncertainty(
         roughness: `Cubes.roughness` in the fit's unit.
     """
     g, beta, weight = gradient(e, parameters), e.quadric, moments[:, 0]
-    per_cell = np.zeros((CELLS, 10, 10))
-    np.add.at(per_cell, cell, normal_matrix(adjusted(moments, e.noise**2)))
-    counts = np.bincount(cell, weights=weight, minlength=CELLS)
+    sums = np.zeros((CELLS, moments.shape[1]))
+    np.add.at(sums, cell, moments)
+    per_cell, counts = normal_matrix(adjusted(sums, e.noise**2)), sums[:, 0]
     used = counts > 0.0
     inverse = _inverse(g @ per_cell.sum(axis=0) @ g.T)
     even = _inverse(g @ (per_cell[used] / counts[used, None, None]).sum(axis=0) @ g.T)

@@ -164,7 +164,8 @@ def _square(form: Float, c: Float) -> Float:
 def misfit(moments: Float, ellipsoid: Ellipsoid) -> Float:
     """RMS of |M (u − c)| − 1 in each cube, shape (m,): |M (u − c)|² − 1, as moments give it, over |M (ū − c)| + 1."""
     beta = ellipsoid.quadric
-    mean_square = np.einsum("i,nij,j->n", beta, normal_matrix(moments), beta) / moments[:, 0]
+    square = np.bincount(_PRODUCT.ravel(), weights=np.outer(beta, beta).ravel(), minlength=35)  # (βᵀφ)² by moments
+    mean_square = moments @ square / moments[:, 0]
     length = np.linalg.norm((moments[:, 1:4] / moments[:, :1] - ellipsoid.centre) @ ellipsoid.matrix, axis=1)
     off: Float = np.sqrt(np.maximum(mean_square, 0.0)) / (length + 1.0)
     return off

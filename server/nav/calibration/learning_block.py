@@ -5,7 +5,7 @@ from __future__ import annotations
 import math
 from typing import Final
 
-from server.nav.calibration.learning_filter import NOT_OFFSET, WHOLE, correct, hold_still, judge, predict, widen
+from server.nav.calibration.learning_filter import correct, hold_still, judge, predict, widen
 from server.nav.calibration.learning_judge import MEMORY_RAD, compare, departure2, doubt2, suspect, usual2
 from server.nav.calibration.learning_layout import (
     C_A_Q,
@@ -24,10 +24,12 @@ from server.nav.calibration.learning_layout import (
     C_TURNED,
     F_E,
     FIELD,
+    GYRO,
     K_NOISE,
     K_PATCH_MAX,
     K_PATCH_MIN,
     K_PATCH_RAD,
+    N,
 )
 from server.nav.kernel import kernel
 from server.nav.rotation import quat_mul, rotvec_from_quat
@@ -88,13 +90,13 @@ def _turned(s: Float, c: Float, par: Float, rad: float, dt: float) -> None:
     c[C_BAD_RAD] = max(0.0, c[C_BAD_RAD] - rad)
     if c[C_BAD_RAD] == 0.0:
         c[C_JUMP2] = 0.0
-    correct(s[0], c, variance, WHOLE)
+    correct(s[0], c, variance, 0, N)
     _learn_patch(s[0], c, par, departs2, rad)
 
 
 @kernel("void(float64[:, ::1], float64[::1], float64[::1], int64)")
 def _rested(s: Float, c: Float, par: Float, filters: int) -> None:
-    """Use a still block: the gyro's bias and the field are followed, the offset is not touched."""
+    """Use a still block: the gyro tells its bias, the field is followed wherever it goes, the offset is not touched."""
     variance = par[K_NOISE] ** 2 / c[C_B_N]
     y2, known2 = judge(s[0], c)
     if y2 > GATE * (usual2(c, par) + known2):
@@ -102,7 +104,7 @@ def _rested(s: Float, c: Float, par: Float, filters: int) -> None:
         filters = 2
     for h in range(filters):
         hold_still(s[h], c, ZERO_RATE_RAD_S)
-        correct(s[h], c, variance, NOT_OFFSET)
+        correct(s[h], c, variance, FIELD, GYRO)
 
 
 @kernel("UniTuple(float64, 4)(float64[::1])")

@@ -3,7 +3,6 @@
 from __future__ import annotations
 
 import math
-from typing import Final
 
 from server.nav.calibration.learning_layout import (
     C_B_DT,
@@ -33,11 +32,6 @@ from server.nav.calibration.learning_layout import (
 )
 from server.nav.kernel import kernel
 from server.nav.types import Float
-
-WHOLE: Final = 0
-"""First state that a correction may move: all of them …"""
-NOT_OFFSET: Final = FIELD
-"""… or all but the offset, whose covariance with the others is kept right all the same (Schmidt)."""
 
 
 @kernel("void(float64[::1], float64[::1])")
@@ -153,17 +147,17 @@ def judge(s: Float, c: Float) -> tuple[float, float]:
     return y2, known2
 
 
-@kernel("void(float64[::1], float64, float64, int64)")
-def fuse(s: Float, y: float, variance: float, first: int) -> None:
-    """Correct states [first, N) by the measurement whose row is in H; the covariance is right for any gain [Joseph].
+@kernel("void(float64[::1], float64, float64, int64, int64)")
+def fuse(s: Float, y: float, variance: float, first: int, end: int) -> None:
+    """Correct states [first, end) by the measurement whose row is in H; the covariance is right for any gain [Joseph].
 
     Args:
         s: shape (F_SIZE,), written. y: innovation. variance: of the measurement.
-        first: `WHOLE` or `NOT_OFFSET`.
+        first, end: the others keep their values; their covariance with what is corrected is right all the same (Schmidt).
     """
     total = _project(s) + variance
     for i in range(N):
-        s[F_K + i] = s[F_PH + i] / total if i >= first else 0.0
+        s[F_K + i] = s[F_PH + i] / total if first <= i < end else 0.0
         s[F_X + i] += s[F_K + i] * y
     for i in range(N):
         for j in range(i, N):
@@ -172,13 +166,13 @@ def fuse(s: Float, y: float, variance: float, first: int) -> None:
             s[F_P + N * j + i] = s[F_P + N * i + j]
 
 
-@kernel("void(float64[::1], float64[::1], float64, int64)")
-def correct(s: Float, c: Float, variance: float, first: int) -> None:
+@kernel("void(float64[::1], float64[::1], float64, int64, int64)")
+def correct(s: Float, c: Float, variance: float, first: int, end: int) -> None:
     """Correct by the block's mean sample, each axis of it with this variance."""
     for i in range(3):
         y = innovation(s, c, i)
         _row(s, c, i)
-        fuse(s, y, variance, first)
+        fuse(s, y, variance, first, end)
 
 
 @kernel("void(float64[::1], float64[::1], float64)")
@@ -188,7 +182,7 @@ def hold_still(s: Float, c: Float, sigma_rad_s: float) -> None:
         for m in range(N):
             s[F_H + m] = 0.0
         s[F_H + GYRO + i] = 1.0
-        fuse(s, c[C_B_TURN + i] / c[C_B_DT] - s[F_X + GYRO + i], sigma_rad_s**2, NOT_OFFSET)
+        fuse(s, c[C_B_TURN + i] / c[C_B_DT] - s[F_X + GYRO + i], sigma_rad_s**2, FIELD, N)
 
 
 @kernel("void(float64[::1], int64, float64)")

@@ -10,7 +10,7 @@ from __future__ import annotations
 import math
 from typing import Final
 
-from server.nav.calibration.learning_filter import NOT_OFFSET, WHOLE, correct, judge, widen
+from server.nav.calibration.learning_filter import correct, judge, widen
 from server.nav.calibration.learning_layout import (
     C_B_N,
     C_B_RM,
@@ -163,7 +163,7 @@ def compare(s: Float, c: Float, par: Float, variance: float, rad: float, dt: flo
         y2, known2 = judge(s[h], c)
         uneven = departure2(s[h], c, rad) / (usual / 3.0 + doubt2(s[h]))
         _account(s[h], max(y2 / (usual + known2), uneven), usual / 3.0 - doubt2(s[h]), rad, dt)
-        correct(s[h], c, variance, WHOLE if h == 1 else NOT_OFFSET)
+        correct(s[h], c, variance, OFFSET if h == 1 else FIELD, N)
     c[C_TRY_RAD] += rad
     c[C_TRY_S] += dt
     factor = min(2.0 ** (0.5 * c[C_REFUSED]), MOST_PROOF)

@@ -101,9 +101,9 @@ def default_parameters() -> Float:
     k[K_PATCH] = 0.02
     k[K_PATCH_MIN] = 0.006
     k[K_PATCH_MAX] = 0.02  # a place more uneven than that is a disturbance
-    k[K_PATCH_RAD] = 0.5
+    k[K_PATCH_RAD] = 0.7
     k[K_OFFSET_SIGMA] = 0.5  # an uncalibrated board beside its power wires
-    k[K_OFFSET_WALK] = 0.1  # soft iron and places recur: no offset is known to better than about a quarter of it
+    k[K_OFFSET_WALK] = 0.12  # soft iron and places recur: no offset is known to better than about a quarter of it
     k[K_FIELD_WALK] = 1.5e-3  # 20 mG within a room crossed in some minutes, as in the attitude mode
     k[K_TURN] = 0.03  # 1 to 3 % of scale and misalignment, and turns between samples
     k[K_GYRO_NOISE] = 1e-3

@@ -33,17 +33,20 @@ from server.nav.ekf.layout import (
 from server.nav.kernel import kernel
 from server.nav.preprocess.chain_layout import (
     ACCEL,
+    B_FULL_SCALE,
     B_UNITS,
     G_USED,
     GYRO,
     K_CHANGED,
+    K_CLIP_ACCEL,
+    K_CLIP_GYRO,
     K_ON,
     K_ROW,
     K_SIZE,
     block_at,
 )
 from server.nav.preprocess.chain_run import chain_imu
-from server.nav.preprocess.check import check_imu
+from server.nav.preprocess.check import check_imu, count_clipped
 from server.nav.preprocess.memory import (
     N_GAPS,
     NEVER_NS,
@@ -57,6 +60,7 @@ from server.nav.preprocess.memory import (
     S_GYRO_SUM,
     S_Q,
     S_RATE,
+    S_RAW,
     S_SLOW,
     S_T_GAP,
     S_T_KIND,
@@ -133,21 +137,19 @@ def _own_copy(raw: Float, c: Float) -> None:
         convert(c, ACCEL_BLOCK, row, 3)
 
 
-@kernel(
-    "boolean(float64[::1], float64, float64, float64[::1], int64[:, ::1], float64[::1], float64[::1], float64[::1])"
-)
-def _take_imu(raw: Float, t: float, rate_hz: float, s: Float, n: Int, c: Float, out: Float, stage: Float) -> bool:
-    """Add an IMU sample; return True when it closed a step into `out`."""
-    row, on = raw, c[K_ON + GYRO] > 0.0
-    if on:
-        _own_copy(raw, c)
-        row = c[K_ROW : K_ROW + ROW_WIDTH]
-    if not check_imu(row, t, on, c, s, n):
-        return False
-    if on:
-        chain_imu(c, t, row, stage)
-        if stage.shape[0] > 0:
-            stage[G_USED] = 1.0
+@kernel("void(float64[::1], float64, float64[::1], float64[::1], float64[::1])")
+def _through_chain(row: Float, t: float, s: Float, c: Float, stage: Float) -> None:
+    """Calibrate and filter a believed IMU sample in place; keep what the board sent for the next one's check."""
+    for i in range(6):
+        s[S_RAW + i] = row[i]
+    chain_imu(c, t, row, stage)
+    if stage.shape[0] > 0:
+        stage[G_USED] = 1.0
+
+
+@kernel("boolean(float64[::1], float64, float64, float64[::1], int64[:, ::1], float64[::1])")
+def _take_imu(row: Float, t: float, rate_hz: float, s: Float, n: Int, out: Float) -> bool:
+    """Add a believed IMU sample; return True when it closed a step into `out`."""
     first = s[S_T_LAST] == NEVER_NS
     if first:
         s[S_T_START] = t
@@ -212,24 +214,35 @@ def condition(
         stages: shape (n, G_SIZE), rows of samples that went through the chain are written; or (1, 0) for none.
     """
     n_steps = n_meas = 0
+    on, keep = c[K_ON + GYRO] > 0.0, stages.shape[1] > 0
+    last = S_RAW if on else S_GYRO
+    gyro_most, accel_most = c[K_CLIP_GYRO], c[K_CLIP_ACCEL]
     for i in range(kind.shape[0]):
         t = float(t_ns[i] - t0_ns)
-        stage = stages[i] if stages.shape[1] > 0 else stages[0]
         if kind[i] == IMU:
-            if _take_imu(data[i], t, rate_hz, s, n, c, steps[n_steps], stage):
+            row = data[i]
+            if on:
+                _own_copy(row, c)
+                row = c[K_ROW : K_ROW + ROW_WIDTH]
+            believed = check_imu(row, t, last, gyro_most, accel_most, s, n)
+            if believed == 0:
+                continue  # neither its rate nor its age counts
+            if believed == 2:
+                count_clipped(row, t, c[GYRO_BLOCK + B_FULL_SCALE], c[ACCEL_BLOCK + B_FULL_SCALE], s, n)
+            if on:
+                _through_chain(row, t, s, c, stages[i if keep else 0])
+            if _take_imu(row, t, rate_hz, s, n, steps[n_steps]):
                 n_steps += 1
-            if s[S_T_LAST] != t:
-                continue  # refused: neither its rate nor its age counts
             if s[S_T_KIND + IMU] > NEVER_NS and t > s[S_T_KIND + IMU]:
                 interval = (t - s[S_T_KIND + IMU]) * 1e-9
                 s[S_RATE + IMU] += (0.01 if s[S_RATE + IMU] > 0.0 else 1.0) * (interval - s[S_RATE + IMU])
             s[S_T_KIND + IMU] = max(t, s[S_T_KIND + IMU])
-            if c[K_CHANGED] > 0.0:
+            if on and c[K_CHANGED] > 0.0:
                 return i + 1, n_steps, n_meas
         elif MAG <= kind[i] <= AIRSPEED or kind[i] == DMP:  # the rest is repeated by its lane, not fused
             for j in range(ROW_WIDTH):
                 meas[n_meas, M_DATA + j] = data[i, j]
-            take_aid(int(kind[i]), t, s, n, c, meas[n_meas], stage)
+            take_aid(int(kind[i]), t, s, n, c, meas[n_meas], stages[i if keep else 0])
             meas[n_meas, M_STEP] = n_steps
             n_meas += 1
     return kind.shape[0], n_steps, n_meas

@@ -28,7 +28,12 @@ _NEUTRAL: Final = Calibration().flat()
 
 
 class Chain:
-    """Owns the kernels' array. What was set outlives a reboot of the board; the filters' states do not."""
+    """Owns the kernels' array. What was set outlives a reboot of the board; the filters' states do not.
+
+    Attributes:
+        calibration: in force. array: shape (K_SIZE,), `chain_layout`.
+        is_on: any sensor's samples go through the chain. has_learned: a learned magnetic offset is taken off.
+    """
 
     def __init__(self, values: Mapping[str, Mapping[str, float]], calibration: Calibration) -> None:
         """Start before the first sample.
@@ -41,6 +46,7 @@ class Chain:
         self._values = {sensor: chain_defaults(sensor) | dict(values.get(sensor, {})) for sensor in at.SENSORS}
         self.calibration = calibration
         self.array = np.zeros(at.K_SIZE)
+        self.is_on = self.has_learned = False  # asked at every call of the engine
         self.restart()
 
     def restart(self) -> None:
@@ -98,6 +104,8 @@ class Chain:
         either = self.on(at.GYRO) or self.on(at.ACCEL)  # one row, one way
         self._turn(at.GYRO, either)
         self._turn(at.ACCEL, either)
+        self.is_on = bool(c[at.K_ON : at.K_ON + len(at.SENSORS)].any())
+        self.has_learned = bool(c[at.K_LEARNED : at.K_LEARNED + 3].any())
 
     def _turn(self, sensor: int, on: bool) -> None:
         """Switch one sensor; what its filters remember of long ago is forgotten."""
@@ -181,11 +189,6 @@ class Chain:
     def learned_gauss(self) -> Float:
         """The magnetic offset that is taken off beside the calibration, shape (3,)."""
         return self.array[at.K_LEARNED : at.K_LEARNED + 3].copy()
-
-    @property
-    def is_on(self) -> bool:
-        """True when any sensor's samples go through the chain."""
-        return bool(self.array[at.K_ON : at.K_ON + len(at.SENSORS)].any())
 
     def on(self, sensor: int) -> bool:
         """Return whether this sensor's samples go through the chain."""

@@ -22,17 +22,11 @@ from server.nav.constants import (
 from server.nav.kernel import kernel
 from server.nav.preprocess.calibrate import calibrate_mag
 from server.nav.preprocess.chain_layout import (
-    ACCEL,
-    B_FULL_SCALE,
     B_SIZE,
     B_UNITS,
-    GYRO,
     K_BLOCKS,
-    K_CLIP_ACCEL,
-    K_CLIP_GYRO,
     K_ON,
     MAG,
-    block_at,
 )
 from server.nav.preprocess.clipping import ACCEL_LEAST_M_S2, GYRO_LEAST_RAD_S, clipped
 from server.nav.preprocess.memory import (
@@ -47,12 +41,10 @@ from server.nav.preprocess.memory import (
     NEVER_NS,
     S_CLIP,
     S_CLIP_NEAR,
-    S_GYRO,
     S_LIVELY,
     S_MAG_BAD,
     S_MAG_GOOD,
     S_MAG_SCALE,
-    S_RAW,
     S_SAME,
     S_T_CLIP,
     S_T_LAST,
@@ -61,8 +53,6 @@ from server.nav.types import Float, Int
 
 GYRO_LIMIT_RAD_S: Final = 80.0  # 4,500 °/s: past every MEMS gyro's full scale
 ACCEL_LIMIT_M_S2: Final = 640.0  # 65 g: past every MEMS accelerometer's full scale
-GYRO_BLOCK: Final = block_at(GYRO)
-ACCEL_BLOCK: Final = block_at(ACCEL)
 STUCK_S: Final = 0.5
 PROVEN_SAMPLES: Final = 50.0  # a scale that explained so many is right: what does not fit later is a magnet
 
@@ -93,30 +83,30 @@ def _finite(row: Float, n: int) -> bool:
     return True
 
 
-@kernel("void(float64[::1], float64, float64[::1], float64[::1], int64[:, ::1])")
-def _count_clipped(row: Float, t: float, c: Float, s: Float, n: Int) -> None:
-    """Count an IMU sample of which an axis stands at the end of its range."""
-    gyro_scale, accel_scale = c[GYRO_BLOCK + B_FULL_SCALE], c[ACCEL_BLOCK + B_FULL_SCALE]
+@kernel("void(float64[::1], float64, float64, float64, float64[::1], int64[:, ::1])")
+def count_clipped(row: Float, t: float, gyro_scale: float, accel_scale: float, s: Float, n: Int) -> None:
+    """Count an IMU sample of which an axis stands at the end of its range; full scales in SI, 0 = unknown."""
     any_axis = False
+    near = 0.0
     for i in range(3):
         any_axis |= clipped(row[i], gyro_scale, GYRO_LEAST_RAD_S, s, S_CLIP + 2 * i)
         any_axis |= clipped(row[3 + i], accel_scale, ACCEL_LEAST_M_S2, s, S_CLIP + 6 + 2 * i)
-    s[S_CLIP_NEAR] = 0.0
-    for i in range(6):
-        s[S_CLIP_NEAR] += s[S_CLIP + 2 * i + 1]
+        near += s[S_CLIP + 2 * i + 1] + s[S_CLIP + 7 + 2 * i]
+    s[S_CLIP_NEAR] = near
     if any_axis:
         n[IMU, N_CLIPPED] += 1
         s[S_T_CLIP] = t
 
 
-@kernel("int64(float64[::1], float64, boolean, float64[::1], float64[::1], int64[:, ::1])")
-def check_imu(row: Float, t: float, on: bool, c: Float, s: Float, n: Int) -> int:
-    """Return 1 when the sample may be used; count why not otherwise, and whether it stands at the end of its range.
+@kernel("int64(float64[::1], float64, int64, float64, float64, float64[::1], int64[:, ::1])")
+def check_imu(row: Float, t: float, last: int, gyro_most: float, accel_most: float, s: Float, n: Int) -> int:
+    """Return 0 for a sample that may not be used, its reason counted; 2 when it may be clipped, else 1.
 
     Args:
         row: the sample in SI. t: its stamp, ns.
-        on: it goes through the chain, so what is kept of the last one is not what the board sent.
-        c, s, n: the chain, memory and counters.
+        last: where in s the one before it stands: S_GYRO, or S_RAW where what is kept there has been changed.
+        gyro_most, accel_most: magnitudes from which on an axis may be clipped.
+        s, n: memory and counters.
     """
     counters = n[IMU]
     gyro = max(abs(row[0]), abs(row[1]), abs(row[2]))
@@ -128,7 +118,6 @@ def check_imu(row: Float, t: float, on: bool, c: Float, s: Float, n: Int) -> int
         counters[N_REPEATED if t == s[S_T_LAST] else N_ORDER] += 1
         return 0
     same = s[S_T_LAST] > NEVER_NS
-    last = S_RAW if on else S_GYRO
     for i in range(6):
         same = same and row[i] == s[last + i]
     s[S_SAME] = s[S_SAME] + (t - s[S_T_LAST]) * 1e-9 if same else 0.0
@@ -137,12 +126,7 @@ def check_imu(row: Float, t: float, on: bool, c: Float, s: Float, n: Int) -> int
         counters[N_STUCK] += 1
         return 0
     counters[N_SAMPLES] += 1
-    if on:
-        for i in range(6):
-            s[S_RAW + i] = row[i]
-    if gyro >= c[K_CLIP_GYRO] or accel >= c[K_CLIP_ACCEL] or s[S_CLIP_NEAR] > 0.0:
-        _count_clipped(row, t, c, s, n)
-    return 1
+    return 2 if gyro >= gyro_most or accel >= accel_most or s[S_CLIP_NEAR] > 0.0 else 1
 
 
 @kernel("int64(float64[::1], float64[::1], float64[::1], int64[::1])")

@@ -93,6 +93,8 @@ class Conditioning:
 
     def take_changed(self) -> bool:
         """Return whether the delay of the IMU's filters has changed since it was asked last."""
+        if not self.chain.is_on:
+            return False
         changed = bool(self.chain.array[at.K_CHANGED])
         self.chain.array[at.K_CHANGED] = 0.0
         return changed
