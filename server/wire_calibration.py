@@ -72,7 +72,7 @@ class CalibrationIn(In):
 class FailureOut(Out):
     """Why nothing was fitted, or a check could not be made."""
 
-    code: str = Field(description="kebab-case; the list is in `navdeck calibrate --codes` and GET /calibration-codes")
+    code: str = Field(description="kebab-case; GET /api/v1/calibration-codes lists them all")
     measured: Num
     limit: Num
     unit: str

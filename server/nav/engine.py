@@ -8,7 +8,6 @@ its open step, and a measurement waits for the step at whose end it is available
 from __future__ import annotations
 
 import math
-from collections import deque
 from collections.abc import Mapping
 from dataclasses import replace
 from typing import Final
@@ -22,31 +21,26 @@ from server.nav.codes import FUSED, GNSS, MAG
 from server.nav.constants import NAV_RATE_MAX_HZ, NAV_RATE_MIN_HZ
 from server.nav.ekf import layout as at
 from server.nav.field_learning import FieldLearning
-from server.nav.health import AidBook, consistency, mag_scale_event, sensor_health
+from server.nav.health import mag_scale_event, sensor_health
 from server.nav.lanes.bank import LaneBank
 from server.nav.lanes.base import LaneContext
-from server.nav.lanes.passthrough import SOURCE, merged, repeat
-from server.nav.lanes.registry import LANES, LaneInfo, provides_of
-from server.nav.nees import NeesBook
-from server.nav.parts import Part, empty_block, join, join_aids, join_stages
+from server.nav.lanes.registry import LANES, LaneInfo
+from server.nav.parts import Part, empty_block
 from server.nav.preprocess.chain_parameters import ChainInfo
 from server.nav.preprocess.conditioning import Conditioning
 from server.nav.preprocess.filtered import filtered_rows
 from server.nav.preprocess.memory import S_MAG_SCALE
 from server.nav.preprocess.rebase import Rebase
 from server.nav.preprocess.withhold import USE_AIRSPEED, USE_BARO, USE_GNSS, USE_MAG, withhold
+from server.nav.record import MAIN, Record
 from server.nav.site import SiteFinder
 from server.nav.types import (
     STEP_COLUMNS,
-    AidRows,
     EngineSettings,
     Event,
     FieldModel,
-    FilteredRows,
     Float,
     Kind,
-    LaneRows,
-    LaneState,
     SampleBlock,
     Snapshot,
     StepResult,
@@ -54,10 +48,7 @@ from server.nav.types import (
     VehicleClass,
 )
 
-EVENTS_KEPT: Final = 100
 DELAYED: Final = ("imu", "mag", "gnss", "baro")
-MAIN: Final = "ins_ekf"
-"""The lane whose aids are recorded and whose consistency is judged."""
 
 
 class NavEngine:
@@ -83,13 +74,13 @@ class NavEngine:
         self._untold: list[Event] = []
         self._use = USE_GNSS * settings.use_gnss + USE_BARO * settings.use_baro
         self._use += USE_MAG * settings.use_mag + USE_AIRSPEED * settings.use_airspeed
-        self._events: deque[Event] = deque(maxlen=EVENTS_KEPT)
+        self._record = Record()
         self._boot_id = 0
         self._restart(0)
 
     def _restart(self, boot_id: int) -> None:
         """Forget everything that belongs to one power-up."""
-        self._boot_id, self._t0_ns, self._t_ns, self._started = boot_id, 0, -1, False
+        self._boot_id, self._t0_ns, self._started = boot_id, 0, False
         self._conditioning.restart()
         self._learning.restart()
         self._finder = SiteFinder(self._settings, self._field_model)
@@ -98,9 +89,7 @@ class NavEngine:
         self._vehicle = int(self._settings.vehicle)
         self._held = np.full(5, np.nan)
         self._bank.clear()
-        self._book, self._nees = AidBook(), NeesBook(MAIN)
-        self._newest: dict[str, LaneState] = {}
-        self._filtered: tuple[float, ...] = ()
+        self._record.restart()
         self._steps = 0
         self._mag_scale_told = False
 
@@ -124,7 +113,7 @@ class NavEngine:
                 begin = cut + 1
             elif cut < len(block.kind):
                 self._move_offset()
-        return self._collect(block, parts)
+        return self._record.collect(block, parts, self._bank, self._finder.site)
 
     @property
     def _may_move(self) -> bool:
@@ -143,8 +132,8 @@ class NavEngine:
         Nothing may be stepped after it but another power-up.
         """
         part = Part()
-        part.results = self._bank.finish(max(self._t_ns, self._t0_ns))
-        return self._collect(empty_block(self._boot_id), [part])
+        part.results = self._bank.finish(max(self._record.t_ns, self._t0_ns))
+        return self._record.collect(empty_block(self._boot_id), [part], self._bank, self._finder.site)
 
     def _start(self, t0_ns: int) -> None:
         """Build the lanes: the kernels count time from the first sample."""
@@ -174,7 +163,7 @@ class NavEngine:
             ValueError: a lane that does not exist, one named twice, or none.
         """
         self._bank.choose(names)
-        self._newest = {name: state for name, state in self._newest.items() if name in names}
+        self._record.keep_only(names)
 
     def set_lane_parameters(self, lane: str, values: Mapping[str, float]) -> None:
         """Change parameters of one lane from the next step on.
@@ -195,7 +184,7 @@ class NavEngine:
             self._untold.append(calibration_event(calibration, 0))
             return
         self._follow(self._conditioning.calibrate(calibration))
-        self._untold.append(calibration_event(calibration, self._t_ns))
+        self._untold.append(calibration_event(calibration, self._record.t_ns))
 
     @property
     def calibration(self) -> Calibration:
@@ -208,7 +197,7 @@ class NavEngine:
         self._held[:3] = A @ self._held[:3] + d
         self._held[3] += change.baro_m
         if change.is_level_changed:
-            self._untold.append(level_event(self._t_ns))
+            self._untold.append(level_event(self._record.t_ns))
             self._bank.restart()
         else:
             self._bank.rebase(change)
@@ -222,7 +211,7 @@ class NavEngine:
             ValueError: unknown sensor or parameter, or a value outside its limits; nothing is changed then.
         """
         turned = self._conditioning.set_chain(sensor, values)
-        self._untold.append(chain_event(sensor, values, self._t_ns))
+        self._untold.append(chain_event(sensor, values, self._record.t_ns))
         self._conditioning.take_changed()
         if self._started:
             if turned:
@@ -365,71 +354,24 @@ class NavEngine:
             own[:, at.M_STEP] -= begin
         part.results += self._bank.step(steps[begin:end], own, part.t_ns[begin:end])
 
-    def _collect(self, block: SampleBlock, parts: list[Part]) -> StepResult:
-        """Join what the parts gave and keep the newest of everything for the snapshot."""
-        results = [result for part in parts for result in part.results]
-        names = dict.fromkeys(r.rows.lane for r in results if len(r.rows.t_ns))
-        rows = [join([r.rows for r in results if r.rows.lane == name]) for name in names]
-        rows += [repeat(name, block, self._finder.site) for name in SOURCE if name in self._bank.chosen]
-        lanes = tuple(r for r in rows if r is not None)
-        aids = join_aids([r.aids for r in results if r.aids is not None])
-        filtered = [p for p in parts if len(p.filtered)]
-        events = tuple(e for part in parts for e in (*part.events, *(e for r in part.results for e in r.events)))
-        self._keep(lanes, aids, filtered, events)
-        return StepResult(
-            boot_id=self._boot_id,
-            block=block,
-            lanes=lanes,
-            aids=aids,
-            filtered=FilteredRows(
-                t_ns=np.concatenate([p.t_ns for p in filtered]) if filtered else np.empty(0, dtype=np.int64),
-                data=np.concatenate([p.filtered for p in filtered]) if filtered else np.empty((0, len(STEP_COLUMNS))),
-            ),
-            events=events,
-            stages=join_stages([p.stages for p in parts]),
-        )
-
-    def _keep(
-        self, lanes: tuple[LaneRows, ...], aids: AidRows, filtered: list[Part], events: tuple[Event, ...]
-    ) -> None:
-        self._book.add(aids)
-        self._nees.add(lanes)
-        self._events.extend(events)
-        for rows in lanes:
-            t_ns = int(rows.t_ns[-1])
-            row = rows.data[-1]
-            before = self._newest.get(rows.lane)
-            if rows.lane in SOURCE and before is not None:  # attitude and position come in turns
-                row = merged(row, before.row)
-            self._newest[rows.lane] = LaneState(
-                lane=rows.lane,
-                provides=provides_of(rows.lane),
-                t_ns=t_ns,
-                row=row,
-                failure=self._bank.failure(rows.lane),
-            )
-            self._t_ns = max(self._t_ns, t_ns)
-        if filtered:
-            self._filtered = tuple(filtered[-1].filtered[-1].tolist())
-
     def snapshot(self) -> Snapshot:
         """Return the newest state of everything; built now, from what the engine holds."""
         return Snapshot(
             boot_id=self._boot_id,
-            t_ns=self._t_ns,
-            lanes=tuple(self._newest.values()),
+            t_ns=self._record.t_ns,
+            lanes=tuple(self._record.newest.values()),
             sensors=sensor_health(self._conditioning.memory, self._conditioning.counters, self._t0_ns),
-            aids=self._book.health(),
+            aids=self._record.aids(),
             site=self._finder.site,
-            filtered=self._filtered,
-            events=tuple(self._events),
+            filtered=self._record.filtered,
+            events=tuple(self._record.events),
             steps=self._steps,
             vehicle=VehicleClass(self._vehicle),
             delays=self._bank.delays(),
             mag_bias=self._bank.mag_bias(),
             told_delays=self._told_delays,
             filter_delays=self._conditioning.delays(),
-            consistency=consistency(self._book, self._nees) if MAIN in self._bank.chosen else (),
+            consistency=self._record.consistency() if MAIN in self._bank.chosen else (),
         )
 
 

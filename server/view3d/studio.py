@@ -2,7 +2,7 @@
 
 Tree, below the `/ned` that the flight scene has too (a viewer has one of the two):
 
-    /ned/cal         turned so that the vehicle headed forwards when the job was first seen
+    /ned/cal         NED turned about down, so that the vehicle headed forwards when the job was first seen
       /now           body axes as they are now: vehicle, faces or the measured field
       /then          the pose to take (a ghost), or the measured field after calibration
 """
@@ -15,6 +15,7 @@ from typing import TYPE_CHECKING, Final
 import numpy as np
 
 from server.nav.calibration.types import CalKind
+from server.nav.rotation import quat_mul
 from server.nav.types import Float, VehicleClass
 from server.view3d import palette
 from server.view3d.feed import IDENTITY, Quat, Vec3
@@ -34,7 +35,7 @@ if TYPE_CHECKING:
 
 ROOT: Final = "/ned/cal"
 FIELD_KINDS: Final = frozenset({CalKind.MAG_ELLIPSOID})
-VEHICLE_SIZE: Final = 1.15
+VEHICLE_SIZE: Final = 1.4
 """Largest extent of the vehicle, drawing units, when it is what matters; small inside a field."""
 
 VEHICLE_SIZE_IN_FIELD: Final = 0.62
@@ -49,25 +50,26 @@ class Studio:
         self._theme = theme
         self.kind = kind
         self._q_nb: Quat | None = None
+        self._turn: Quat = IDENTITY
+        self._in_field = False
         self._job_id: str | None = None
         self._stay = stay
         self._count, self._aspect = 1, 0.0
         with client.atomic():
             client.scene.configure_default_lights(enabled=True, cast_shadow=False)
             client.scene.add_frame("/ned", show_axes=False, wxyz=NED_WXYZ)
-            self._root = client.scene.add_frame(ROOT, show_axes=False)
+            client.scene.add_frame(ROOT, show_axes=False)
             self._keep = Keeper(client.scene, ROOT)
             self._now = self._keep.frame("now")
             self._poses = PoseShow(self._keep, kind)
             self._field = FieldShow(self._keep, theme)
-            self._draw_vehicle(in_field=False)
+            self._draw_vehicle()
             self._arrange(1)
 
     def set_vehicle(self, kind: VehicleClass) -> None:
         """Draw this class of vehicle instead."""
         self.kind = self._poses.kind = kind
-        self._keep.drop("now/vehicle")
-        self._draw_vehicle(in_field=self._field.shown)
+        self._draw_vehicle()
 
     def set_theme(self, theme: str) -> None:
         """Draw for a dark or a light page; what belongs to the job follows with its next showing."""
@@ -85,10 +87,15 @@ class Studio:
         """Show the present attitude and, in a field, the present sample: the one call per frame."""
         with self._client.atomic():
             if self._q_nb is None:
-                self._root.wxyz = Anchor(yaw_rad=heading_rad(q_nb)).turn()
+                self._turn = Anchor(yaw_rad=heading_rad(q_nb)).turn()
             self._q_nb = q_nb
-            self._now.wxyz = q_nb
-            self._field.point_at(q_nb, mag_b_gauss)
+            self._now.wxyz = self._q_drawn
+            self._field.point_at(self._q_drawn, mag_b_gauss)
+
+    @property
+    def _q_drawn(self) -> Quat:
+        """From body to the scene's axes; as `q_nb`, but for the heading."""
+        return quat_mul(*self._turn, *(self._q_nb or IDENTITY))
 
     def forget(self) -> None:
         """Another board is going to be shown."""
@@ -101,9 +108,10 @@ class Studio:
             if (None if job is None else job.job_id) != self._job_id:
                 self._restart(job)
             field = job is not None and job.kind in FIELD_KINDS
-            if field != self._field.shown:
-                self._draw_vehicle(in_field=field)
-            self._poses.show(None if field or job is None else job.progress, self._q_nb or IDENTITY)
+            if field != self._in_field:
+                self._in_field = field
+                self._draw_vehicle()
+            self._poses.show(None if field or job is None else job.progress, self._q_drawn)
             self._field.show(job if field else None)
             self._arrange(2 if self._poses.has_next or self._field.has_after else 1)
             self._title(job)
@@ -114,11 +122,11 @@ class Studio:
         self._poses.clear()
         self._field.clear()
         if self._q_nb is not None:
-            self._root.wxyz = Anchor(yaw_rad=heading_rad(self._q_nb)).turn()
+            self._turn = Anchor(yaw_rad=heading_rad(self._q_nb)).turn()
 
-    def _draw_vehicle(self, *, in_field: bool) -> None:
+    def _draw_vehicle(self) -> None:
         model = vehicle(self.kind)
-        by = (VEHICLE_SIZE_IN_FIELD if in_field else VEHICLE_SIZE) / model.span_m
+        by = (VEHICLE_SIZE_IN_FIELD if self._in_field else VEHICLE_SIZE) / model.span_m
         self._keep.drop("now/vehicle")
         self._keep.frame("now/vehicle")
         for part in model.parts:

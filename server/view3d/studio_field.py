@@ -27,7 +27,7 @@ if TYPE_CHECKING:
     from server.calibration.scene import CalibrationScene
     from server.view3d.keeper import Keeper
 
-POINT_SIZE: Final = 0.035
+POINT_SIZE: Final = 0.022
 SMALLEST_OFFSET: Final = 0.04
 """Hard-iron offset, as a share of what is drawn, below which an arrow would be a blot."""
 

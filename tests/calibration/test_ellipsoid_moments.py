@@ -92,3 +92,9 @@ def test_what_is_not_finite_is_counted_and_left_out():
 def test_roughness_is_the_standard_deviation_of_white_noise():
     xyz = np.random.default_rng(8).normal(size=(50_000, 3)) * 0.3 + 5.0
     assert streamed(xyz).cubes().roughness == pytest.approx(0.3, rel=0.02)
+
+
+def test_a_sensor_that_wakes_up_with_zeros_loses_only_them():
+    xyz = uniform(np.random.default_rng(9), 500) * 0.5 + 0.1
+    stream = streamed(np.vstack([np.zeros((3, 3)), xyz]), cuts=[2])
+    assert (stream.samples, stream.left_out) == (500, 3)

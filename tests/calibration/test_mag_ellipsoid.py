@@ -101,6 +101,38 @@ def test_a_sensor_at_its_range_is_refused_as_saturated():
     assert refusal(np.minimum(xyz, [limit, np.inf, np.inf])) == "saturated"
 
 
+def test_an_overflow_code_now_and_then_is_left_out():
+    xyz = readings(ALL)
+    xyz[::50, 0] = -40.96
+    fit = collected(xyz).fit()
+    assert fit.ok
+    assert fit.details["rejected"] == 60
+    assert np.linalg.norm(fit.parameters["offset"] - OFFSET) < 0.003 * STRENGTH
+
+
+@pytest.mark.parametrize(
+    "xyz",
+    [
+        np.full((500, 3), 0.3),
+        np.zeros((500, 3)),
+        np.full((500, 3), np.nan),
+        np.outer(np.linspace(0.0, 1.0, 500), [1.0, 2.0, 3.0]),
+        np.repeat([[0.0, 0.0, 0.0], [1.0, 1.0, 1.0]], 100, axis=0),
+        np.random.default_rng(0).uniform(-1, 1, (3000, 3)),
+        np.random.default_rng(0).normal(size=(3000, 3)),
+        np.random.default_rng(0).normal(size=(500, 3)) * 1e200,
+        np.random.default_rng(0).normal(size=(500, 3)) * 1e-200,
+        np.vstack([readings(ALL), readings(ALL) + np.array([0.3, 0.0, 0.0])]),
+    ],
+)
+@pytest.mark.parametrize("parameters", [6, 9])
+def test_what_is_no_ellipsoid_is_refused_without_a_warning(xyz, parameters):
+    collector = collected(xyz, field_n_gauss=(), ellipsoid_parameters=parameters)
+    assert collector.fit().failure is not None
+    assert not collector.progress().is_enough
+    assert not collector.check({"offset": np.zeros(3), "matrix": np.eye(3)}).ok
+
+
 def test_coarse_counts_are_not_taken_for_saturation():
     coarse = np.round(readings(ALL, 0.0) / (STRENGTH / 30.0))
     fit = collected(coarse, unit="raw", field_n_gauss=()).fit()

@@ -94,8 +94,9 @@ def _before(cubes: Cubes, expected: float) -> Failure | None:
         return failure("too-few-samples", count, MIN_SAMPLES)
     spread = principal_spread(cubes.only(near(cubes)))
     whole = expected if np.isfinite(expected) else float(cubes.lengths.sum() / count)
-    if spread[2] < STILL * whole and not _is_shell(cubes):
-        return failure("coverage-poor", spread[2] / whole, STILL)
+    nothing = spread[2] <= 1e-9 * whole
+    if nothing or (spread[2] < STILL * whole and not _is_shell(cubes)):
+        return failure("coverage-poor", spread[2] / max(whole, 1e-300), STILL)
     if spread[0] < THIN * spread[2]:
         return failure("coverage-planar", spread[0] / spread[2], THIN)
     return None
@@ -117,6 +118,8 @@ def _shapeless(cubes: Cubes, parameters: int) -> Failure:
         return failure("residual", float("nan"), RESIDUAL)
     if sphere.residual > 2.0 * RESIDUAL:
         return _rough(sphere.residual, RESIDUAL, cubes, replace(sphere, parameters=parameters))
+    if sphere.rejected > REJECTED * sphere.samples:
+        return _rough(sphere.rejected / (sphere.samples + sphere.rejected), REJECTED, cubes, sphere)
     return failure("coverage-poor", sphere.coverage, FAIR[1])
 
 

@@ -18,6 +18,7 @@ CUBES: Final = 1500
 TABLE: Final = 8192  # slots of the hash table: a power of two, well above CUBES
 MOMENTS: Final = 35
 SUMS: Final = 36  # the moments, then Σ|raw|
+HUGE: Final = 1.0e30  # no sensor's reading; its fourth power is still a number
 INDEX_LIMIT: Final = 4.0e15  # a coordinate this many cubes away cannot be told apart in a float64
 
 # Extremes, one row per axis and side (−x, +x, −y, …): value, how often, then min and max of the two other axes there.
@@ -140,7 +141,12 @@ def accumulate(
     for i in range(start, len(xyz)):
         x, y, z = xyz[i, 0], xyz[i, 1], xyz[i, 2]
         fx, fy, fz = (x - zero[0]) * inverse, (y - zero[1]) * inverse, (z - zero[2]) * inverse
-        if not (abs(fx) < INDEX_LIMIT and abs(fy) < INDEX_LIMIT and abs(fz) < INDEX_LIMIT):
+        if not (
+            abs(fx) < INDEX_LIMIT
+            and abs(fy) < INDEX_LIMIT
+            and abs(fz) < INDEX_LIMIT
+            and abs(x) + abs(y) + abs(z) < HUGE
+        ):
             counts[2] += 1
             continue
         kx, ky, kz = int(fx // 1.0), int(fy // 1.0), int(fz // 1.0)

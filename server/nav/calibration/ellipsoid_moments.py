@@ -10,7 +10,17 @@ from typing import Final
 import numpy as np
 from numpy.typing import NDArray
 
-from server.nav.calibration.ellipsoid_kernel import CUBES, E_SIZE, E_VALUE, MOMENTS, SUMS, TABLE, accumulate, find_slot
+from server.nav.calibration.ellipsoid_kernel import (
+    CUBES,
+    E_SIZE,
+    E_VALUE,
+    HUGE,
+    MOMENTS,
+    SUMS,
+    TABLE,
+    accumulate,
+    find_slot,
+)
 from server.nav.types import Float, Int
 
 Mask = NDArray[np.bool_]
@@ -141,11 +151,8 @@ class MomentStream:
     def feed(self, xyz: Float) -> None:
         """Take samples, shape (n, 3); how they are cut into calls changes nothing."""
         given = np.ascontiguousarray(xyz, dtype=np.float64)
-        if self._width == 0.0 and not self._place(given):
-            self._counts[2] += len(given)
-            return
-        at = 0
-        while True:
+        at = self._place(given) if self._width == 0.0 else 0
+        while at < len(given):
             at = accumulate(
                 given,
                 at,
@@ -159,9 +166,8 @@ class MomentStream:
                 self._counts,
                 self._rough,
             )
-            if at == len(given):
-                return
-            self._grow()
+            if at < len(given):
+                self._grow()
 
     def cubes(self) -> Cubes:
         """Return a copy of what is held."""
@@ -175,14 +181,16 @@ class MomentStream:
             roughness=float(self._rough[6] / max(self._rough[7], 1.0)) / WHITE_ROUGHNESS,
         )
 
-    def _place(self, given: Float) -> bool:
-        """Lay the grid by the first good sample."""
-        good = np.flatnonzero(np.isfinite(given).all(axis=1))
-        if len(good) == 0:
-            return False
-        self._zero = given[good[0]].copy()
+    def _place(self, given: Float) -> int:
+        """Lay the grid by the first good sample that says how long a reading is (a sensor that wakes up says zero)."""
+        good = np.flatnonzero((np.abs(given) < HUGE / 3.0).all(axis=1) & given.any(axis=1))
+        first = int(good[0]) if len(good) else len(given)
+        self._counts[2] += first
+        if first == len(given):
+            return first
+        self._zero = given[first].copy()
         self._width = max(float(np.abs(self._zero).max()), 1e-9) * FIRST_WIDTH
-        return True
+        return first
 
     def _grow(self) -> None:
         """Make the cubes wider until a good part is free; at once by as much as the spread of the cloud asks."""

@@ -14,7 +14,7 @@ from server.nav.calibration.sphere_cells import CELLS, cell_of
 from server.nav.types import Float, Int
 
 FAR: Final = 3.0
-"""Cubes beyond this many times the 95 % distance are spikes whatever the shape: a closed surface has none there."""
+"""Cubes beyond this many times the 90 % distance are spikes whatever the shape: a closed surface has none there."""
 GATE: Final = 6.0  # times the typical residual of a direction (a median: about 4σ)
 GATE_FLOOR: Final = 0.05  # of the radius: what is nearer than this does no harm
 SOFT: Final = 0.25  # of the radius: residuals of the starting sphere beyond it count little
@@ -61,7 +61,7 @@ def near(cubes: Cubes) -> Mask:
     """Return a mask, shape (m,): cubes that are not far out of the cloud."""
     means = cubes.means
     distance = np.linalg.norm(means - np.median(means, axis=0), axis=1)
-    mask: Mask = distance <= FAR * np.quantile(distance, 0.95)
+    mask: Mask = distance <= FAR * np.quantile(distance, 0.9)
     return mask
 
 

@@ -153,7 +153,7 @@ def fuse(s: Float, y: float, variance: float, first: int, end: int) -> None:
 
     Args:
         s: shape (F_SIZE,), written. y: innovation. variance: of the measurement.
-        first, end: the others keep their values; their covariance with what is corrected is right all the same (Schmidt).
+        first, end: the others keep their values, and their covariance with what is corrected stays right (Schmidt).
     """
     total = _project(s) + variance
     for i in range(N):

@@ -175,7 +175,7 @@ def length_spread(cubes: Cubes) -> float:
 
 def directions_apart(vectors: Float) -> int:
     """Count directions that are 60° apart from each other, taken greedily, up to what a check asks for."""
-    unit = vectors / np.linalg.norm(vectors, axis=1, keepdims=True)
+    unit = vectors / np.maximum(np.linalg.norm(vectors, axis=1, keepdims=True), 1e-300)
     taken: list[Float] = []
     while len(unit) and len(taken) < CHECK_DIRECTIONS:
         taken.append(unit[0])
