@@ -9,6 +9,7 @@ from collections import deque
 from collections.abc import Mapping
 from typing import TYPE_CHECKING, Final, Literal
 
+from server.board_choices import Choices
 from server.board_parts import BoardParts, Engine
 from server.board_view import BoardStateName, BoardView
 from server.history import History
@@ -39,7 +40,7 @@ LINK_SEVERITY: Final = {LinkState.OPENING: "info", LinkState.OPEN: "info", LinkS
 class Board:
     """Owns one link, protocol and engine, and drives them until it is cancelled.
 
-    What a person chose and set of the lanes is kept here too, for the engine that follows one that failed.
+    What a person chose and set is kept in `Choices`, for the engine that follows one that failed.
     """
 
     def __init__(
@@ -48,11 +49,7 @@ class Board:
         self.id = board_id
         self.url = url
         self.hub = Hub()
-        self._lanes = lanes
-        self._lane_values: dict[str, dict[str, float]] = {}
-        self.calibration = Calibration()
-        self._chain_values: dict[str, dict[str, float]] = {}
-        self.mag_learning_switches = (False, False)
+        self._choices = Choices(lanes)
         self._parts = parts
         self._link = parts.link()
         self._protocol = parts.protocol()
@@ -93,7 +90,7 @@ class Board:
     @property
     def main_lane(self) -> str:
         """The estimator that is shown where one is: the first of those chosen."""
-        return self._lanes[0]
+        return self._choices.lanes[0]
 
     def snapshot(self) -> Snapshot:
         """Return the newest state of everything."""
@@ -109,8 +106,7 @@ class Board:
         Raises:
             ValueError: a lane that does not exist, one named twice, or none; nothing is changed then.
         """
-        self._engine.choose_lanes(names)
-        self._lanes = names
+        self._choices.choose_lanes(self._engine, names)
         self._tell("server", "lanes-chosen", "info", f"Estimators chosen: {', '.join(names)}.")
 
     def set_lane_parameters(self, lane: str, values: Mapping[str, float]) -> None:
@@ -119,10 +115,19 @@ class Board:
         Raises:
             ValueError: unknown lane or parameter, or a value outside its limits; nothing is changed then.
         """
-        self._engine.set_lane_parameters(lane, values)
-        self._lane_values.setdefault(lane, {}).update(values)
+        self._choices.set_lane_parameters(self._engine, lane, values)
         told = ", ".join(f"{name} = {value:g}" for name, value in values.items())
         self._tell("server", "lane-parameters-set", "info", f"Estimator {lane}: {told}.")
+
+    @property
+    def calibration(self) -> Calibration:
+        """What is in force."""
+        return self._choices.calibration
+
+    @property
+    def mag_learning_switches(self) -> tuple[bool, bool]:
+        """Whether the magnetic offset is learned in flight, and whether that is applied."""
+        return self._choices.mag_learning
 
     @property
     def mag_scale(self) -> float:
@@ -137,8 +142,7 @@ class Board:
 
     def set_calibration(self, calibration: Calibration) -> None:
         """Put this calibration in force from the next sample on, through reconnection, reboot and failure."""
-        self.calibration = calibration
-        self._engine.set_calibration(calibration)
+        self._choices.set_calibration(self._engine, calibration)
 
     def converted(self, kind: Kind, rows: Float) -> Float:
         """Return raw rows in SI and body axes, where counts or a mounting are set: what calibrations are made of."""
@@ -154,8 +158,7 @@ class Board:
         Raises:
             ValueError: unknown sensor or parameter, or a value outside its limits; nothing is changed then.
         """
-        self._engine.set_chain(sensor, values)
-        self._chain_values.setdefault(sensor, {}).update(values)
+        self._choices.set_chain(self._engine, sensor, values)
 
     def mag_learning(self) -> MagLearnState | None:
         """Return what was learned of the magnetic offset; None when it does not run."""
@@ -163,8 +166,7 @@ class Board:
 
     def set_mag_learning(self, run: bool, apply: bool) -> None:
         """Switch learning in flight and its use on or off, through reconnection, reboot and failure."""
-        self.mag_learning_switches = (run, apply)
-        self._engine.set_mag_learning(run, apply)
+        self._choices.set_mag_learning(self._engine, run, apply)
         words = {(False, False): "off", (True, False): "on, only watched", (True, True): "on and applied"}
         self._tell("server", "mag-learning", "info", f"Learning the magnetic offset: {words.get((run, apply), 'off')}.")
 
@@ -177,7 +179,7 @@ class Board:
         return BoardView(
             id=self.id,
             url=self.url,
-            lanes=self._lanes,
+            lanes=self._choices.lanes,
             lane_infos=self._engine.lanes(),
             topics=tuple((name, topic.columns) for name, topic in self.topics.items() if self.is_fed(name)),
             state=self._state,
@@ -196,18 +198,12 @@ class Board:
 
     def is_fed(self, topic: str) -> bool:
         """False for the topic of a lane that was not chosen."""
-        return lane_of(topic) is None or lane_of(topic) in self._lanes
+        return lane_of(topic) is None or lane_of(topic) in self._choices.lanes
 
     def _new_engine(self) -> Engine:
         """Return an engine that was told what a person chose and set so far."""
         engine = self._parts.engine()
-        engine.choose_lanes(self._lanes)
-        for lane, values in self._lane_values.items():
-            engine.set_lane_parameters(lane, values)
-        engine.set_calibration(self.calibration)
-        for sensor, values in self._chain_values.items():
-            engine.set_chain(sensor, values)
-        engine.set_mag_learning(*self.mag_learning_switches)
+        self._choices.tell(engine)
         return engine
 
     async def _run_once(self) -> None:

@@ -11,7 +11,6 @@ import numpy as np
 from server.nav.calibration.applied import Calibration
 from server.nav.calibration.types import FACES, Check, Failure, Fit, Progress, Residual, Sensor, Value
 from server.wire_calibration import (
-    ChangeOut,
     CheckOut,
     ComparisonOut,
     FailureOut,
@@ -19,10 +18,8 @@ from server.wire_calibration import (
     JobOut,
     ProgressOut,
     ResidualOut,
-    SensorSetsOut,
-    SetOut,
-    SetsOut,
 )
+from server.wire_calibration_sets import ChangeOut, SensorSetsOut, SetOut, SetsOut
 
 if TYPE_CHECKING:
     from server.calibration.diff import Change

@@ -18,7 +18,7 @@ from server.calibration.sets import StoredSets
 from server.calibration_views import change_out, set_out, sets_out
 from server.commands import Refusal
 from server.nav.calibration.types import Sensor
-from server.wire_calibration import DiffOut, ExportIn, ImportedOut, ImportIn, SensorIn, SetOut, SetsOut, WarningOut
+from server.wire_calibration_sets import DiffOut, ExportIn, ImportedOut, ImportIn, SensorIn, SetOut, SetsOut, WarningOut
 
 T = TypeVar("T")
 Responses = dict[int | str, dict[str, Any]]
@@ -28,7 +28,7 @@ FormatQuery = Annotated[Format, Query(alias="format")]
 
 
 def _sets(context: ContextDep) -> StoredSets:
-    return StoredSets(context.calibrations)
+    return StoredSets(context.calibrations.keeper)
 
 
 SetsDep = Annotated[StoredSets, Depends(_sets)]

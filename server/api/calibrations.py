@@ -10,7 +10,8 @@ from fastapi import APIRouter, Depends, Request, Response
 from server.api.context import BoardDep, ContextDep, RoleDep
 from server.api.errors import error_from_refusal
 from server.calibration.job import Job
-from server.calibration.service import Calibrations, Person
+from server.calibration.keeper import Person
+from server.calibration.service import Calibrations
 from server.calibration_views import job_out
 from server.commands import Refusal
 from server.nav.calibration.codes import FAILURES

@@ -15,7 +15,7 @@ from server.calibration_views import set_out
 from server.chain_commands import set_chain, set_mag_learning
 from server.commands import Refusal
 from server.preprocessing_views import mag_learning_out, preprocessing_out
-from server.wire_calibration import SetOut
+from server.wire_calibration_sets import SetOut
 from server.wire_preprocessing import ChainIn, MagLearningIn, MagLearningOut, PreprocessingOut
 
 Responses = dict[int | str, dict[str, Any]]
@@ -56,7 +56,7 @@ async def put_mag_learning(board: BoardDep, body: MagLearningIn) -> MagLearningO
 @router.post("/mag-learning/keep", status_code=201, responses=NOT_FOUND | CONFLICT)
 async def keep_mag_learning(board: BoardDep, service: CalibrationsDep, role: RoleDep) -> SetOut:
     """Put what was learned in force as a calibration set of its own; learning begins anew from there."""
-    kept = await service.keep_learned(board, person(role))
+    kept = await service.keeper.keep_learned(board, person(role))
     if isinstance(kept, Refusal):
         raise error_from_refusal(kept)
     return set_out(kept, {kept.sensor: kept})

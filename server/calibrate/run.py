@@ -13,17 +13,23 @@ import numpy as np
 
 from server.calibrate.columns import MAIN_KIND, SENSOR_OF_XYZ
 from server.calibrate.errors import CalibrateError
+from server.calibrate.jumps import ranges_by_jumps
 from server.calibrate.logs import is_log, read_log
 from server.calibrate.order import Piece
 from server.calibrate.pieces import DEFAULT_RATE_HZ, read_csvs
 from server.calibrate.told import Ranges, Told, ranges_of
 from server.magnetic import WMM_EPOCH_YEAR, wmm_field
 from server.nav.calibration.applied import Calibration, conditioned, merged
+from server.nav.calibration.grades import POOR
 from server.nav.calibration.registry import collector_for
 from server.nav.calibration.types import GRAVITY_M_S2, SENSOR_OF, CalKind, Check, Collector, Fit, Options, Value
 from server.nav.earth import normal_gravity
 from server.nav.types import Float, Int, Kind, Site
 
+POSE_KINDS: Final = frozenset({CalKind.ACCEL_SIX_POSITION, CalKind.ACCEL_MULTI_POSE})
+SLOW_RATE_HZ: Final = 10.0
+JUMP_REASONS: Final = frozenset({"gravity", "pose-missing", "poses-alike", "too-few-poses"})
+"""Refusals that say more of a table of poses than that it is too short for a stream."""
 TIMELESS: Final = frozenset({CalKind.MAG_ELLIPSOID})
 """Kinds whose result does not depend on when a sample was taken."""
 
@@ -44,6 +50,7 @@ class _Read:
     pieces: tuple[Piece, ...]
     site: Site | None
     notes: tuple[str, ...]
+    is_untimed: bool = False
 
 
 def calibrate(told: Told) -> Result:
@@ -57,12 +64,13 @@ def calibrate(told: Told) -> Result:
     notes = list(read.notes)
     options = _options(told, read.site, notes)
     present = _present(told.applied)
-    collector = _collector(told.kind, options)
+    pieces = _conditioned(told.kind, read.pieces, present)
     if ranges:
-        fit = _fit_ranges(collector, _conditioned(told.kind, read.pieces, present), ranges, told)
+        fit = _fit_ranges(_collector(told.kind, options), pieces, ranges, told)
     else:
-        _feed(collector, _conditioned(told.kind, read.pieces, present))
-        fit = collector.fit()
+        fit = _fit_all(pieces, options, told)
+        if not fit.ok and read.is_untimed and told.kind in POSE_KINDS:
+            fit = _without_clock(fit, pieces, options, told, notes)
     check = None
     if told.verify and fit.ok:
         fresh = _read(told.verify, told, timed=True)
@@ -86,7 +94,8 @@ def _read(paths: Sequence[Path], told: Told, *, timed: bool) -> _Read:
     notes = list(samples.notes)
     if not samples.has_stamps and timed and told.kind not in TIMELESS and not math.isfinite(told.rate_hz):
         notes.append(f"No time column: {DEFAULT_RATE_HZ:g} samples a second are assumed. Give --rate-hz.")
-    return _Read(pieces=samples.pieces, site=None, notes=tuple(notes))
+    untimed = not samples.has_stamps and not math.isfinite(told.rate_hz)
+    return _Read(pieces=samples.pieces, site=None, notes=tuple(notes), is_untimed=untimed)
 
 
 def _options(told: Told, site: Site | None, notes: list[str]) -> Options:
@@ -129,6 +138,34 @@ def _collector(kind: CalKind, options: Options) -> Collector:
         return collector_for(kind, options)
     except ValueError as error:
         raise CalibrateError(str(error)) from error
+
+
+def _fit_all(pieces: Sequence[Piece], options: Options, told: Told) -> Fit:
+    collector = _collector(told.kind, options)
+    _feed(collector, pieces)
+    return collector.fit()
+
+
+def _without_clock(refused: Fit, pieces: Sequence[Piece], options: Options, told: Told, notes: list[str]) -> Fit:
+    """Return the fit of samples whose rate nobody told, read slower or row by row; else the refusal as it was."""
+    slower = [replace(piece, t_ns=piece.t_ns * round(DEFAULT_RATE_HZ / SLOW_RATE_HZ)) for piece in pieces]
+    fit = _fit_all(slower, options, told)
+    if fit.ok and fit.grade != POOR:  # a guess has to fit well
+        notes[:] = [note for note in notes if not note.startswith("No time column")]
+        notes.append(f"No time column: at {DEFAULT_RATE_HZ:g} samples a second there were too few poses, so")
+        notes[-1] += f" {SLOW_RATE_HZ:g} a second are assumed. Give --rate-hz or --ranges."
+        return fit
+    rows = np.concatenate([piece.rows for piece in pieces if piece.kind is MAIN_KIND[told.kind]])
+    ranges = ranges_by_jumps(rows[:, 3:6])
+    if not ranges:
+        return refused
+    fit = _fit_ranges(_collector(told.kind, options), pieces, ranges, told)
+    if not fit.ok:
+        return refused if fit.failure is None or fit.failure.code not in JUMP_REASONS else fit
+    notes[:] = [note for note in notes if not note.startswith("No time column")]
+    notes.append(f"No time column: what lies between two jumps is taken as one pose, {len(ranges)} of them.")
+    notes[-1] += " Give --ranges."
+    return fit
 
 
 def _feed(collector: Collector, pieces: Sequence[Piece]) -> None:

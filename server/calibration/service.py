@@ -6,7 +6,6 @@ import asyncio
 import logging
 import time
 from collections.abc import Coroutine
-from dataclasses import dataclass, replace
 from datetime import UTC, datetime
 from pathlib import Path
 from typing import TYPE_CHECKING, Any, Final
@@ -15,16 +14,15 @@ from server.boards import Boards, no_board
 from server.calibration.driver import Driver, fitted
 from server.calibration.errors import StoreError
 from server.calibration.job import COLLECTS, LONG_TIMEOUT_S, TIMEOUT_S, Job, JobState
+from server.calibration.keeper import Keeper, Person
 from server.calibration.options import options_from
-from server.calibration.records import CalibrationSet, set_from_fit
+from server.calibration.refusals import bad_option, busy, clash, dry_run, no_job, wrong_state
 from server.calibration.samples import SampleFile
 from server.calibration.scene import CalibrationScene
-from server.calibration.store import CalibrationStore
 from server.calibration_views import job_out
-from server.commands import Refusal, RefusalKind
-from server.nav.calibration.applied import Calibration
+from server.commands import Refusal
 from server.nav.calibration.codes import failure
-from server.nav.calibration.types import SENSOR_OF, CalKind, Fit
+from server.nav.calibration.types import CalKind
 from server.wire_calibration import JobsOut
 
 if TYPE_CHECKING:
@@ -32,18 +30,9 @@ if TYPE_CHECKING:
     from server.wire_calibration import CalibrationIn
 
 log = logging.getLogger("navdeck.calibration")
-KIND_OF_STATUS: Final = {404: RefusalKind.MISSING, 422: RefusalKind.INVALID}
 JOBS_KEPT: Final = 30  # of one board; the oldest that is not active is forgotten
 STREAMED_JOBS: Final = 8
 MAX_SAMPLE_BYTES: Final = 200_000_000  # of one job
-MAX_ALL_SAMPLES_BYTES: Final = 2_000_000_000  # of jobs that became no set; past that the oldest go
-
-
-@dataclass(frozen=True, slots=True, kw_only=True)
-class Person:
-    """Who asks: the role that the door gave."""
-
-    name: str
 
 
 class Calibrations:
@@ -51,28 +40,15 @@ class Calibrations:
 
     def __init__(self, boards: Boards, store_folder: Path, version: str) -> None:
         self._boards = boards
-        self._store_folder = store_folder
-        self._store: CalibrationStore | None = None
-        self._version = version
+        self.keeper = Keeper(store_folder, version)
         self._jobs: dict[str, list[Job]] = {}
         self._drivers: dict[str, asyncio.Task[None]] = {}
         self._group: asyncio.TaskGroup | None = None
         self._tasks: set[asyncio.Task[Any]] = set()
+        self._applying = asyncio.Lock()
         self._count = 0
         boards.on_added.append(self._board_added)
         boards.on_removed.append(self._board_removed)
-
-    @property
-    def store(self) -> CalibrationStore:
-        """The store, opened when it is first needed.
-
-        Raises:
-            StoreError: another process holds it.
-        """
-        if self._store is None:
-            self._store = CalibrationStore(self._store_folder)
-            self._store.trim_samples(MAX_ALL_SAMPLES_BYTES)
-        return self._store
 
     def start(self, group: asyncio.TaskGroup) -> None:
         """Run drivers and fits in this task group."""
@@ -82,9 +58,7 @@ class Calibrations:
         """Cancel every driver; the task group waits for them."""
         for task in (*self._drivers.values(), *self._tasks):
             task.cancel()
-        if self._store is not None:
-            self._store.close()
-            self._store = None
+        self.keeper.close()
 
     def jobs(self, board_id: str) -> list[Job]:
         """Return the jobs of a board, newest first."""
@@ -99,7 +73,7 @@ class Calibrations:
     def job(self, board_id: str, job_id: str) -> Job | Refusal:
         """Return one job."""
         found = next((job for job in self._jobs.get(board_id, []) if job.id == job_id), None)
-        return found if found is not None else _no_job(board_id, job_id)
+        return found if found is not None else no_job(board_id, job_id)
 
     def begin(self, board_id: str, wish: CalibrationIn, by: Person) -> Job | Refusal:
         """Start a job; a second one on the same sensor is refused, naming the one that runs."""
@@ -107,19 +81,13 @@ class Calibrations:
         if board is None:
             return no_board(board_id)
         kind = CalKind(wish.kind)
-        holder = next((job for job in self._jobs.get(board_id, []) if job.is_active and _clash(job, kind)), None)
+        holder = next((job for job in self._jobs.get(board_id, []) if job.is_active and clash(job, kind)), None)
         if holder is not None:
-            return _busy(holder)
+            return busy(holder)
         try:
             job = self._new_job(board, kind, wish, by)
         except ValueError as error:
-            return Refusal(
-                kind=RefusalKind.INVALID,
-                code="bad-option",
-                detail=str(error),
-                remedy="Correct the option; /docs has the limits.",
-                name="options",
-            )
+            return bad_option(error)
         self._enlist(board, job)
         board.note("calibration-started", "info", f"Calibration {kind.value} started.")
         return job
@@ -157,7 +125,7 @@ class Calibrations:
 
     def _sample_file(self, job: Job) -> SampleFile | None:
         try:
-            file = SampleFile(self.store.samples_folder(job.board_id, job.id), max_bytes=MAX_SAMPLE_BYTES)
+            file = SampleFile(self.keeper.store.samples_folder(job.board_id, job.id), max_bytes=MAX_SAMPLE_BYTES)
         except (OSError, StoreError) as error:
             log.warning("raw samples of %s are not kept: %s", job.id, error)
             return None
@@ -194,14 +162,14 @@ class Calibrations:
     def confirm(self, job: Job) -> Job | Refusal:
         """Fit what was collected so far."""
         if job.state not in COLLECTS:
-            return _wrong_state(job, "confirm", "collecting")
+            return wrong_state(job, "confirm", "collecting")
         self._spawn_fit(job, True)
         return job
 
     def cancel(self, job: Job) -> Job | Refusal:
         """End a job at any time before it was applied; a verification alone is given up."""
         if not job.is_active and job.state is not JobState.FITTED:
-            return _wrong_state(job, "cancel", "active or fitted")
+            return wrong_state(job, "cancel", "active or fitted")
         job.cancel(time.monotonic())
         return job
 
@@ -209,45 +177,29 @@ class Calibrations:
         """Collect fresh data and judge the new parameters on it."""
         board = self._boards.get(job.board_id)
         if job.state not in {JobState.FITTED, JobState.APPLIED} or board is None:
-            return _wrong_state(job, "verify", "fitted or applied")
-        holder = next((one for one in self._jobs[job.board_id] if one.is_active and _clash(one, job.kind)), None)
+            return wrong_state(job, "verify", "fitted or applied")
+        holder = next((one for one in self._jobs[job.board_id] if one.is_active and clash(one, job.kind)), None)
         if holder is not None:
-            return _busy(holder)
+            return busy(holder)
         job.begin_verification(time.monotonic())
         self._drive(board)
         return job
 
     async def apply(self, job: Job, by: Person) -> Job | Refusal:
         """Store the result and put it in force."""
-        board = self._boards.get(job.board_id)
-        if board is None:
-            return no_board(job.board_id)
-        if job.state is not JobState.FITTED or job.fit is None:
-            return _wrong_state(job, "apply", "fitted")
-        if job.dry_run:
-            remedy = "Start it again without dry_run."
-            return Refusal(
-                kind=RefusalKind.CONFLICT, code="dry-run", detail=f"Job {job.id} is a dry run.", remedy=remedy
-            )
-        try:
-            stored = await asyncio.to_thread(self._kept, self._set_of(job, job.fit, board, by), by)
-        except (OSError, StoreError) as error:
-            return store_failed(error)
-        job.applied(stored.id)
-        await self.reload(board)
-        return job
-
-    def _set_of(self, job: Job, fit: Fit, board: Board, by: Person) -> CalibrationSet:
-        found = set_from_fit(
-            fit,
-            board_id=board.id,
-            present=job.present,
-            created_by=by.name,
-            software_version=self._version,
-            source=job.id,
-            samples_file=job.samples_file,
-        )
-        return replace(found, verified=job.check)
+        async with self._applying:  # two clicks are one application
+            board = self._boards.get(job.board_id)
+            if board is None:
+                return no_board(job.board_id)
+            if job.state is not JobState.FITTED or job.fit is None:
+                return wrong_state(job, "apply", "fitted")
+            if job.dry_run:
+                return dry_run(job)
+            stored = await self.keeper.keep_result(board, job, by)
+            if isinstance(stored, Refusal):
+                return stored
+            job.applied(stored.id)
+            return job
 
     def scene(self, board_id: str) -> CalibrationScene | None:
         """Return what the 3D view draws of this board's newest job; None when there was none."""
@@ -256,55 +208,9 @@ class Calibrations:
             return None
         return CalibrationScene(job_id=job.id, kind=job.kind, state=job.state.value, progress=job.progress, fit=job.fit)
 
-    async def keep_learned(self, board: Board, by: Person) -> CalibrationSet | Refusal:
-        """Make what the magnetometer learned in flight a calibration set, and put it in force; learning begins anew."""
-        state = board.mag_learning()
-        if state is None or not state.converged:
-            return Refusal(
-                kind=RefusalKind.CONFLICT,
-                code="not-settled",
-                detail="Nothing has been learned that may be kept.",
-                remedy="Switch learning on, and let the vehicle turn about more than one axis.",
-            )
-        fit = Fit(
-            kind=CalKind.MAG_IN_FLIGHT,
-            parameters={"offset": state.offset_gauss},
-            sigma={"offset": state.sigma_gauss},
-            details={"residual_gauss": state.residual_gauss},
-        )
-        found = set_from_fit(
-            fit,
-            board_id=board.id,
-            present=board.calibration,
-            created_by=by.name,
-            software_version=self._version,
-            source="learned in flight",
-        )
-        try:
-            kept = await asyncio.to_thread(self._kept, found, by)
-        except (OSError, StoreError) as error:
-            return store_failed(error)
-        run, _ = board.mag_learning_switches
-        board.set_mag_learning(False, False)  # what was learned is in the calibration now: it starts from nothing
-        await self.reload(board)
-        board.set_mag_learning(run, False)
-        return kept
-
-    def _kept(self, found: CalibrationSet, by: Person) -> CalibrationSet:
-        stored = self.store.add(found)
-        self.store.apply(found.board_id, stored.id, by.name)
-        return stored
-
-    async def reload(self, board: Board) -> None:
-        """Put in force what the store says is in force."""
-        board.set_calibration(await asyncio.to_thread(self.store.calibration, board.id))
-
     async def _board_added(self, board: Board) -> None:
-        def read() -> tuple[Calibration, tuple[str, ...]]:
-            return self.store.calibration(board.id), tuple(self.store.troubles)
-
         try:
-            calibration, troubles = await asyncio.to_thread(read)
+            calibration, troubles = await self.keeper.read(board.id)
             if not calibration.is_identity:
                 board.set_calibration(calibration)
             for trouble in troubles:
@@ -316,54 +222,3 @@ class Calibrations:
         for job in self._jobs.get(board_id, []):
             if job.is_active:
                 job.refuse(failure("board-removed"), time.monotonic())
-
-
-def _clash(job: Job, kind: CalKind) -> bool:
-    return job.sensor is SENSOR_OF[kind]
-
-
-def _busy(holder: Job) -> Refusal:
-    return Refusal(
-        kind=RefusalKind.CONFLICT,
-        code="calibration-busy",
-        detail=f"Job {holder.id} ({holder.kind.value}) is {holder.state.value} on sensor {holder.sensor.value}.",
-        remedy=f"Wait for it, or cancel it: POST /api/v1/boards/{holder.board_id}/calibrations/{holder.id}/cancel.",
-        name="job",
-        value=holder.id,
-    )
-
-
-def _no_job(board_id: str, job_id: str) -> Refusal:
-    return Refusal(
-        kind=RefusalKind.MISSING,
-        code="no-such-job",
-        detail=f"Board {board_id} has no calibration job {job_id[:80]!r}.",
-        remedy=f"GET /api/v1/boards/{board_id}/calibrations lists them.",
-        name="job",
-        value=job_id[:80],
-    )
-
-
-def _wrong_state(job: Job, what: str, needed: str) -> Refusal:
-    return Refusal(
-        kind=RefusalKind.CONFLICT,
-        code="wrong-state",
-        detail=f"Job {job.id} is {job.state.value}; to {what} it has to be {needed}.",
-        remedy=f"GET /api/v1/boards/{job.board_id}/calibrations/{job.id} says what it needs.",
-        name="state",
-        value=job.state.value,
-    )
-
-
-def store_failed(error: OSError | StoreError) -> Refusal:
-    """Say that the store could not do it; nothing was changed."""
-    if isinstance(error, OSError):
-        detail = f"The store cannot be written: {error.strerror or error}."
-        return Refusal(
-            kind=RefusalKind.CONFLICT,
-            code="store-failed",
-            detail=detail,
-            remedy="Make room on the disk, then try again.",
-        )
-    kind = KIND_OF_STATUS.get(error.status, RefusalKind.CONFLICT)
-    return Refusal(kind=kind, code=error.code, detail=str(error), remedy="GET …/calibration-sets lists what there is.")

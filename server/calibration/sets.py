@@ -7,15 +7,16 @@ from collections.abc import Callable
 from typing import TYPE_CHECKING, TypeVar
 
 from server.calibration.errors import StoreError
-from server.calibration.service import Calibrations, store_failed
+from server.calibration.keeper import Keeper
+from server.calibration.refusals import store_failed
 from server.commands import Refusal
 from server.nav.calibration.types import Sensor
 
 if TYPE_CHECKING:
     from server.board import Board
     from server.calibration.diff import Change
+    from server.calibration.keeper import Person
     from server.calibration.records import CalibrationSet
-    from server.calibration.service import Person
 
 T = TypeVar("T")
 
@@ -23,62 +24,62 @@ T = TypeVar("T")
 class StoredSets:
     """The store of every board behind typed refusals; what changes what is in force reaches the board at once."""
 
-    def __init__(self, calibrations: Calibrations) -> None:
-        self._calibrations = calibrations
+    def __init__(self, keeper: Keeper) -> None:
+        self._keeper = keeper
 
     async def sets(self, board_id: str) -> list[CalibrationSet] | Refusal:
         """Return every set of a board, newest first."""
-        return await _tried(lambda: list(self._calibrations.store.sets(board_id)))
+        return await _tried(lambda: list(self._keeper.store.sets(board_id)))
 
     async def get(self, board_id: str, set_id: str) -> CalibrationSet | Refusal:
         """Return one set."""
-        return await _tried(lambda: self._calibrations.store.get(board_id, set_id))
+        return await _tried(lambda: self._keeper.store.get(board_id, set_id))
 
     async def in_force(self, board_id: str) -> dict[Sensor, CalibrationSet] | Refusal:
         """Return the set in force of each sensor that has one."""
-        return await _tried(lambda: dict(self._calibrations.store.in_force(board_id)))
+        return await _tried(lambda: dict(self._keeper.store.in_force(board_id)))
 
     async def roll_back_targets(self, board_id: str) -> frozenset[Sensor] | Refusal:
         """Return the sensors whose application can be rolled back."""
         return await _tried(
-            lambda: frozenset(sensor for sensor in Sensor if self._calibrations.store.can_roll_back(board_id, sensor))
+            lambda: frozenset(sensor for sensor in Sensor if self._keeper.store.can_roll_back(board_id, sensor))
         )
 
     async def apply(self, board: Board, set_id: str, by: Person) -> Refusal | None:
         """Put a stored set in force."""
-        return await self._change(board, lambda: self._calibrations.store.apply(board.id, set_id, by.name))
+        return await self._change(board, lambda: self._keeper.store.apply(board.id, set_id, by.name))
 
     async def take_off(self, board: Board, sensor: Sensor, by: Person) -> Refusal | None:
         """Have a sensor work without a calibration of ours."""
-        return await self._change(board, lambda: self._calibrations.store.take_off(board.id, sensor, by.name))
+        return await self._change(board, lambda: self._keeper.store.take_off(board.id, sensor, by.name))
 
     async def roll_back(self, board: Board, sensor: Sensor, by: Person) -> Refusal | None:
         """Put in force what was in force before."""
-        return await self._change(board, lambda: self._calibrations.store.roll_back(board.id, sensor, by.name))
+        return await self._change(board, lambda: self._keeper.store.roll_back(board.id, sensor, by.name))
 
     async def delete(self, board_id: str, set_id: str) -> Refusal | None:
         """Forget a set that is not in force."""
-        reply = await _tried(lambda: self._calibrations.store.delete(board_id, set_id))
+        reply = await _tried(lambda: self._keeper.store.delete(board_id, set_id))
         return reply if isinstance(reply, Refusal) else None
 
     async def add(self, found: CalibrationSet) -> CalibrationSet | Refusal:
         """Store a set without applying it."""
-        return await _tried(lambda: self._calibrations.store.add(found))
+        return await _tried(lambda: self._keeper.store.add(found))
 
     async def diff(self, board_id: str, old_id: str, new_id: str) -> list[Change] | Refusal:
         """Compare two sets of one sensor number by number."""
-        return await _tried(lambda: list(self._calibrations.store.diff(board_id, old_id, new_id)))
+        return await _tried(lambda: list(self._keeper.store.diff(board_id, old_id, new_id)))
 
     @property
     def troubles(self) -> tuple[str, ...]:
         """What the store had to put aside when it was opened."""
-        return tuple(self._calibrations.store.troubles)
+        return tuple(self._keeper.store.troubles)
 
     async def _change(self, board: Board, change: Callable[[], object]) -> Refusal | None:
         reply = await _tried(change)
         if isinstance(reply, Refusal):
             return reply
-        await self._calibrations.reload(board)
+        await self._keeper.reload(board)
         return None
 
 

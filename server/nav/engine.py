@@ -9,16 +9,13 @@ from __future__ import annotations
 
 import math
 from collections.abc import Mapping
-from dataclasses import replace
 from typing import Final
 
 import numpy as np
 
-from server.nav.calibration.applied import Calibration
-from server.nav.calibration.mag_learning import MagLearnState
-from server.nav.calibration_events import calibration_event, chain_event, level_event
 from server.nav.codes import FUSED, GNSS, MAG
 from server.nav.constants import NAV_RATE_MAX_HZ, NAV_RATE_MIN_HZ
+from server.nav.controls import Controls
 from server.nav.ekf import layout as at
 from server.nav.field_learning import FieldLearning
 from server.nav.health import mag_scale_event, sensor_health
@@ -26,11 +23,9 @@ from server.nav.lanes.bank import LaneBank
 from server.nav.lanes.base import LaneContext
 from server.nav.lanes.registry import LANES, LaneInfo
 from server.nav.parts import Part, empty_block
-from server.nav.preprocess.chain_parameters import ChainInfo
 from server.nav.preprocess.conditioning import Conditioning
 from server.nav.preprocess.filtered import filtered_rows
 from server.nav.preprocess.memory import S_MAG_SCALE
-from server.nav.preprocess.rebase import Rebase
 from server.nav.preprocess.withhold import USE_AIRSPEED, USE_BARO, USE_GNSS, USE_MAG, withhold
 from server.nav.record import MAIN, Record
 from server.nav.site import SiteFinder
@@ -51,7 +46,7 @@ from server.nav.types import (
 DELAYED: Final = ("imu", "mag", "gnss", "baro")
 
 
-class NavEngine:
+class NavEngine(Controls):
     """Preprocessing and lanes of one board. Not shared between tasks."""
 
     def __init__(self, settings: EngineSettings, field_model: FieldModel) -> None:
@@ -115,17 +110,6 @@ class NavEngine:
                 self._move_offset()
         return self._record.collect(block, parts, self._bank, self._finder.site)
 
-    @property
-    def _may_move(self) -> bool:
-        """True when the magnetic offset in use may have to move."""
-        return (self._learning.run and self._learning.apply) or self._conditioning.chain.has_learned
-
-    def _move_offset(self) -> None:
-        """Follow what is learned of the magnetic offset in flight, by a little."""
-        offset = self._learning.moved(self._conditioning.chain.learned_gauss)
-        if offset is not None:
-            self._follow(self._conditioning.learn(offset))
-
     def finish(self) -> StepResult:
         """End the power-up: return the rows of the lanes that need all of it (`lanes.registry.AFTERWARDS`).
 
@@ -172,86 +156,6 @@ class NavEngine:
             ValueError: unknown lane or parameter, or a value outside its limits; nothing is changed then.
         """
         self._bank.set_values(lane, values)
-
-    def set_calibration(self, calibration: Calibration) -> None:
-        """Put a calibration in force from the next sample on; raw rows stay raw.
-
-        The main lane's biases are carried over, so that its solution does not jump. A level that changes turns the body
-        frame: every lane then starts anew.
-        """
-        if not self._started:
-            self._conditioning.calibrate(calibration)
-            self._untold.append(calibration_event(calibration, 0))
-            return
-        self._follow(self._conditioning.calibrate(calibration))
-        self._untold.append(calibration_event(calibration, self._record.t_ns))
-
-    @property
-    def calibration(self) -> Calibration:
-        """The calibration in force."""
-        return self._conditioning.chain.calibration
-
-    def _follow(self, change: Rebase) -> None:
-        """Carry everything over that holds calibrated values."""
-        A, d = change.mag
-        self._held[:3] = A @ self._held[:3] + d
-        self._held[3] += change.baro_m
-        if change.is_level_changed:
-            self._untold.append(level_event(self._record.t_ns))
-            self._bank.restart()
-        else:
-            self._bank.rebase(change)
-
-    def set_chain(self, sensor: str, values: Mapping[str, float]) -> None:
-        """Change parameters of one sensor's preprocessing from the next sample on; its filters start anew.
-
-        Another unit or mounting changes what every estimator has learned: the lanes start anew then.
-
-        Raises:
-            ValueError: unknown sensor or parameter, or a value outside its limits; nothing is changed then.
-        """
-        turned = self._conditioning.set_chain(sensor, values)
-        self._untold.append(chain_event(sensor, values, self._record.t_ns))
-        self._conditioning.take_changed()
-        if self._started:
-            if turned:
-                self._bank.restart()
-            self._bank.start(self._lane_context())
-
-    def set_mag_learning(self, run: bool, apply: bool) -> None:
-        """Switch learning the magnetic offset in flight, and its use, on or off from the next step on.
-
-        Run alone only watches. Applied, a converged offset is taken off the field that every lane gets, approached in
-        small moves at whole seconds of board time; the main lane's own magnetic bias is carried over with each.
-        """
-        self._learning.choose(run, apply)
-
-    def mag_learning(self) -> MagLearnState | None:
-        """Return what has been learned of the magnetic offset; None when it does not run."""
-        return self._learning.state()
-
-    @property
-    def mag_learned_gauss(self) -> Float:
-        """The learned offset that is taken off the calibrated field now, shape (3,), body."""
-        return self._conditioning.chain.learned_gauss
-
-    def chain(self) -> tuple[ChainInfo, ...]:
-        """Return the preprocessing of every sensor: its parameters as they are set, and what its filters delay."""
-        return self._conditioning.chain.infos()
-
-    def converted(self, kind: Kind, rows: Float) -> Float:
-        """Return raw rows, shape (n, ROW_WIDTH), in SI and body axes: what a calibration is made of.
-
-        They differ from the raw ones only where raw counts or a mounting are set.
-        """
-        return self._conditioning.chain.converted(kind, rows)
-
-    def _told_before(self) -> Part:
-        """Return what was changed between two calls, as events at the last known time."""
-        part = Part()
-        part.events = [replace(event, t_ns=max(event.t_ns, self._t0_ns)) for event in self._untold]
-        self._untold = []
-        return part
 
     def lanes(self) -> tuple[LaneInfo, ...]:
         """Return every lane there is: whether it runs, what it provides, and its parameters as they are set."""

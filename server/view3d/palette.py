@@ -94,6 +94,7 @@ GHOST_RGB: Final[Rgb] = (70, 190, 230)
 
 POINT_RGB: Final[dict[str, Rgb]] = {"dark": (120, 200, 255), "light": (20, 80, 160)}
 GLOBE_RGB: Final[dict[str, Rgb]] = {"dark": (120, 160, 200), "light": (70, 105, 150)}
+OPEN_RGB: Final[dict[str, Rgb]] = {"dark": (245, 165, 20), "light": (190, 95, 0)}
 OFFSET_RGB: Final[dict[str, Rgb]] = {"dark": (235, 110, 200), "light": (160, 20, 140)}
 RESIDUAL_RGB: Final[tuple[Rgb, ...]] = ((30, 140, 235), (120, 150, 180), (250, 120, 20), (225, 40, 30))
 """Stops from a point on the fitted surface to one that is far from it: blue to orange, which colour-blind eyes part."""

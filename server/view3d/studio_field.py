@@ -121,7 +121,7 @@ class FieldShow:
             self._keep.drop("now/open")
             return
         places = extent.drawn(surface.at(directions))
-        self._keep.mesh("now/open", rings_about(places, places, 0.085, 0.028), palette.FACE_NEXT_RGB)
+        self._keep.mesh("now/open", rings_about(places, places, 0.085, 0.03), palette.OPEN_RGB[self.theme])
 
     def _show_offset(self, zero: Float) -> None:
         away = float(np.linalg.norm(zero))

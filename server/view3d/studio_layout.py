@@ -43,7 +43,7 @@ def camera_place(count: int, aspect: float) -> tuple[Vec3, Vec3]:
     """Return camera position and target in viser's world (forward, left, up)."""
     beside = count > 1 and places(count, aspect)[0][2] == 0.0
     stacked = count > 1 and not beside
-    away = distance(aspect, (2.0 if beside else 1.0) * REACH, (2.1 if stacked else 1.0) * REACH)
+    away = distance(aspect, (2.0 if beside else 1.0) * REACH, (2.2 if stacked else 1.0) * REACH)
     level = away * math.cos(HEIGHT_RAD)
     position = (-level * math.cos(LOOK_RAD), level * math.sin(LOOK_RAD), away * math.sin(HEIGHT_RAD))
     return position, (0.0, 0.0, 0.0)

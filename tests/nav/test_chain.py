@@ -16,6 +16,7 @@ from server.nav.preprocess import chain_layout as at
 from server.nav.preprocess.conditioning import Conditioning
 from server.nav.types import STAGE_COLUMNS, EngineSettings, Kind, SampleBlock
 from server.rows import merged, row_topics
+from server.settings import SettingsError, load_settings
 
 from .synthetic import Stream, circle, field_model
 
@@ -299,3 +300,19 @@ def test_a_filter_set_while_it_runs_tells_its_delay_and_says_so():
     assert told.delay_s == pytest.approx(math.sqrt(2) / (2 * math.pi * 20.0), abs=0.5 / 200.0)
     engine.set_chain("gyro", {"butterworth_hz": 0.0})
     assert engine.snapshot().filter_delays == ()
+
+
+def test_the_setting_reaches_the_engine_from_text(tmp_path, monkeypatch):
+    monkeypatch.chdir(tmp_path)
+    texts = ["imu.butterworth_hz=40", "baro.window_samples=3"]
+    told = load_settings({"preprocess": texts}).settings.engine_settings().chain
+    assert told == {
+        "gyro": {"butterworth_hz": 40.0},
+        "accel": {"butterworth_hz": 40.0},
+        "baro": {"window_samples": 3.0},
+    }
+    assert [info.name for info in NavEngine(EngineSettings(chain=told), field_model).chain() if info.active] == [
+        "gyro", "accel", "baro",
+    ]  # fmt: skip
+    with pytest.raises(SettingsError):
+        load_settings({"preprocess": ["gyro=3"]})

@@ -156,3 +156,16 @@ def test_taking_a_calibration_off_again_brings_the_old_flight_back():
     assert (apart[4:7] < 0.1 * plain.data[-1, 13:16]).all()
     assert (apart[GYRO : ACCEL + 3] < 1e-4).all()
     assert not any(info.active for info in engine.chain())
+
+
+@pytest.mark.parametrize(
+    "broken",
+    [Calibration(gyro_offset=np.array([0.0, math.nan, 0.0])), Calibration(mag_matrix=np.diag([1.0, 1.0, 0.0]))],
+)
+def test_a_calibration_that_is_no_calibration_is_refused_and_the_old_one_stays(broken):
+    engine = NavEngine(EngineSettings(calibration=OFFSETS), field_model)
+    with pytest.raises(ValueError, match=r"finite|stretches"):
+        engine.set_calibration(broken)
+    assert engine.calibration is OFFSETS
+    with pytest.raises(ValueError, match=r"finite|stretches"):
+        NavEngine(EngineSettings(calibration=broken), field_model)

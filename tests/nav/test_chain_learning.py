@@ -8,6 +8,7 @@ from hypothesis import given, settings
 from hypothesis import strategies as st
 from scipy.spatial.transform import Rotation
 
+from server.nav.calibration.applied import Calibration
 from server.nav.engine import NavEngine
 from server.nav.field_learning import MOST_GAUSS
 from server.nav.types import EngineSettings, Kind, SampleBlock
@@ -96,3 +97,18 @@ def test_switched_off_the_field_goes_back_to_the_calibrated_one(turned):
     engine.step(SampleBlock(**{n: getattr(turned, n)[half:] for n in names}))
     np.testing.assert_array_equal(engine.mag_learned_gauss, 0.0)
     assert engine.mag_learning() is not None
+
+
+def test_another_magnetic_calibration_takes_the_learned_offset_over_and_learning_starts_anew(turned):
+    """What an in-flight calibration stores is what was learned: it must not be taken off twice."""
+    engine = NavEngine(EngineSettings(lanes=("ins_ekf",)), field_model)
+    engine.set_mag_learning(run=True, apply=True)
+    names = ("kind", "t_ns", "t_rx_ns", "data")
+    half = int(len(turned.kind) * 0.75)
+    engine.step(SampleBlock(**{n: getattr(turned, n)[:half] for n in names}))
+    engine.set_calibration(Calibration(mag_offset=engine.mag_learned_gauss))
+    np.testing.assert_array_equal(engine.mag_learned_gauss, 0.0)
+    result = engine.step(SampleBlock(**{n: getattr(turned, n)[half:] for n in names}))
+    rows = next(rows for rows in result.stages if rows.sensor == "mag")
+    np.testing.assert_allclose(np.linalg.norm(rows.data[:, :3], axis=1), np.linalg.norm(FIELD_N), atol=0.03)
+    np.testing.assert_allclose(engine.mag_learning().offset_gauss, 0.0, atol=0.02)

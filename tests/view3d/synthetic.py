@@ -310,8 +310,32 @@ class Watcher:
         async for window in self._socket:
             assert isinstance(window, bytes)
             size = int.from_bytes(window[8:16], "little")
-            inner = zstandard.ZstdDecompressor().decompress(window[16 : 16 + size])
-            self.messages += msgspec.msgpack.decode(inner)["messages"]
+            inner = msgspec.msgpack.decode(zstandard.ZstdDecompressor().decompress(window[16 : 16 + size]))
+            arrays = _arrays(window, 16 + size, inner["binaryBufferLengths"])
+            for message in inner["messages"]:
+                for part in ("props", "updates"):
+                    message.update({part: _filled(message[part], arrays)} if part in message else {})
+                self.messages.append(message)
+
+
+def _arrays(window: bytes, start: int, lengths: list[int]) -> list[bytes]:
+    """The raw arrays behind the messages of a window, each on a multiple of eight bytes."""
+    found = []
+    for length in lengths:
+        start += -start % 8
+        found.append(window[start : start + length])
+        start += length
+    return found
+
+
+def _filled(fields: dict[str, Any], arrays: list[bytes]) -> dict[str, Any]:
+    """The fields with flat arrays in the places that stand for them."""
+    return {
+        name: np.frombuffer(arrays[value["__binary_index"]], dtype=np.dtype(value["dtype"]))
+        if isinstance(value, dict) and "__binary_index" in value
+        else value
+        for name, value in fields.items()
+    }
 
 
 async def eventually(true: Callable[[], bool]) -> None:

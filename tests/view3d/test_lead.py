@@ -124,7 +124,8 @@ async def test_who_looks_sees_the_vehicle_go_over_to_the_lane_that_is_chosen() -
         async with Watcher.connected(site.port):
 
             def lane() -> str:
-                pose = next(iter(site.view._expected.values()))._pose
+                viewer = next(iter(site.view._expected.values()), None)  # none yet: the proxy is still connecting
+                pose = None if viewer is None else viewer._pose
                 return "" if pose is None else circle_of(pose.pos_n_m)
 
             for main, place in {"ins_ekf": "ins_ekf", "reference": "reference", "vqf": "ins_ekf"}.items():

@@ -11,9 +11,12 @@ import pytest
 from numpy.typing import NDArray
 from PIL import Image
 
+from server.calibration.scene import CalibrationScene
+from server.view3d import palette
 from server.view3d.camera import FOV_RAD, PLAIN_SPAN_M, Camera, place_m
 from server.view3d.vehicles import Vehicle
 from server.view3d.viewer import Viewer
+from tests.view3d.jobs import mag_job, six_job
 from tests.view3d.synthetic import Served, SyntheticBoard, served
 
 if TYPE_CHECKING:
@@ -189,3 +192,63 @@ def test_a_key_changes_the_camera_and_tells_our_page(page: "Page", flying: Serve
     page.wait_for_function("told.at(-1).camera === 'follow'")
     (viewer,) = flying.view._expected.values()
     soon(page, "the server has it", lambda: viewer.wishes.camera == "follow")
+
+
+def near_hue(image: NDArray[np.float64], rgb: tuple[int, int, int], near_rad: float = 0.25) -> float:
+    """Share of the pixels that have nearly this hue and are not grey, lit or in the shade."""
+    grey = image - image.mean(axis=2, keepdims=True)
+    wanted = np.array(rgb, dtype=np.float64) - np.mean(rgb)
+    length = np.linalg.norm(grey, axis=2)
+    cosine = (grey @ wanted) / np.maximum(length * np.linalg.norm(wanted), 1e-9)
+    return float(((cosine > math.cos(near_rad)) & (length > 45.0)).mean())
+
+
+@pytest.mark.parametrize("theme", ["dark", "light"])
+def test_a_calibration_shows_points_ellipsoid_and_open_directions(page: "Page", theme: str) -> None:
+    """Without a job none of their colours is in the picture, which is the control of each."""
+    jobs: list[CalibrationScene | None] = [None]
+    points, opened = (30, 140, 235), palette.OPEN_RGB[theme]
+    with served([SyntheticBoard()], scene_of=lambda _board_id: jobs[-1]) as at:
+        open_view(page, at, f"scene=calibration&theme={theme}")
+        soon(page, "the scene", lambda: picture(page)[150:].std() > 8)
+        page.wait_for_timeout(1000)
+        empty = picture(page)
+        jobs.append(mag_job())
+
+        def more(rgb: tuple[int, int, int], near: float) -> float:
+            return share_of(picture(page), rgb, near) - share_of(empty, rgb, near)
+
+        soon(page, "the points", lambda: more(points, 40.0) > 0.01)
+        soon(page, "the open directions", lambda: near_hue(picture(page), opened) > near_hue(empty, opened) + 0.002)
+        jobs.append(mag_job(fitted=True, share=1.0))
+        soon(page, "two spheres", lambda: all(share_of(half, points, 40.0) > 0.01 for half in halves(picture(page))))
+
+
+def test_a_calibration_shows_faces_that_fill(page: "Page") -> None:
+    jobs = [six_job((), "nose-up")]
+    with served([SyntheticBoard()], scene_of=lambda _board_id: jobs[-1]) as at:
+        open_view(page, at, "scene=calibration&theme=dark")
+        soon(page, "the ghost", lambda: near_hue(halves(picture(page))[1], palette.GHOST_RGB) > 0.005)
+        assert near_hue(picture(page), palette.FACE_DONE_RGB) < 0.001
+        jobs.append(six_job(("level", "nose-up", "right-up", "left-up"), "nose-down"))
+        soon(page, "filled faces", lambda: near_hue(halves(picture(page))[0], palette.FACE_DONE_RGB) > 0.005)
+
+
+def halves(image: NDArray[np.float64]) -> tuple[NDArray[np.float64], NDArray[np.float64]]:
+    """The left and the right half of a picture."""
+    middle = image.shape[1] // 2
+    return image[:, :middle], image[:, middle:]
+
+
+def test_our_page_changes_the_scene_in_its_iframe(page: "Page", flying: Served) -> None:
+    origin = f"http://127.0.0.1:{flying.port}"
+    page.route(f"{origin}/", lambda route: route.fulfill(body=HOST_PAGE, content_type="text/html"))
+    page.goto(f"{origin}/")
+    page.evaluate("document.querySelector('iframe').src = '/view/?fixedDpr=0.5&scene=calibration&theme=light'")
+    soon(page, "a viewer", lambda: any(each.calibrates for each in flying.view._expected.values()))
+    (viewer,) = flying.view._expected.values()
+    page.evaluate("frames[0].postMessage({navdeck: 'view', scene: 'flight', camera: 'chase'}, location.origin)")
+    wait_for_vehicle(page)
+    assert (viewer.wishes.scene, viewer.calibrates) == ("flight", False)
+    page.evaluate("frames[0].postMessage({navdeck: 'view', scene: 'calibration'}, location.origin)")
+    soon(page, "calibration again", lambda: viewer.calibrates)

@@ -13,6 +13,7 @@ from server.nav.calibration.statistics import rms
 from server.nav.calibration.types import NAN, CalKind, Check, Failure, Fit, Options, Residual, Value
 from server.nav.types import Float
 
+STILL_SHARE = 0.1  # of the time: less is no session of poses
 MOTION_S = 3.0  # no pose in so long: it was moving
 
 
@@ -38,11 +39,18 @@ def early_failure(collector: PoseCollector, options: Options, least: int) -> Fai
     if collector.samples == 0:
         return failure("no-data")
     if not poses:
+        lengths = collector.lengths_anyhow() if options.unit == "si" else means_of(())
+        wrong = length_failure(float(np.median(lengths)), options.gravity_m_s2) if len(lengths) else None
+        if wrong is not None:  # in the unit that is told all of it looks stirred
+            return wrong
         long = collector.span_s >= MOTION_S
         return failure("motion", 0, least) if long else failure("too-few-samples", collector.span_s, MOTION_S, "s")
     share = collector.saturated()
     if share > 0.0:
         return failure("saturated", share, 0.3)
+    stir, limit = collector.stirred
+    if stir > limit:
+        return failure("motion", stir, limit, "m/s²" if options.unit == "si" else "counts")
     return gravity_failure(poses, options)
 
 
@@ -50,12 +58,24 @@ def gravity_failure(poses: Sequence[Pose], options: Options) -> Failure | None:
     """Return the refusal when, in SI, the length at rest is not gravity's."""
     if options.unit == "raw":
         return None
-    g = options.gravity_m_s2
-    length = float(np.median(np.linalg.norm(means_of(poses), axis=1)))
-    if length < grades.GRAVITY_LOW * g:
-        return failure("gravity", length, grades.GRAVITY_LOW * g, "m/s²")
-    if length > grades.GRAVITY_HIGH * g:
-        return failure("gravity", length, grades.GRAVITY_HIGH * g, "m/s²")
+    return length_failure(float(np.median(np.linalg.norm(means_of(poses), axis=1))), options.gravity_m_s2)
+
+
+def length_failure(length: float, gravity: float) -> Failure | None:
+    """Return the refusal of a length at rest that is not gravity's, m/s²."""
+    for limit, wrong in (
+        (grades.GRAVITY_LOW * gravity, length < grades.GRAVITY_LOW * gravity),
+        (grades.GRAVITY_HIGH * gravity, length > grades.GRAVITY_HIGH * gravity),
+    ):
+        if wrong:
+            return failure("gravity", length, limit, "m/s²")
+    return None
+
+
+def moving_failure(collector: PoseCollector, least: int) -> Failure | None:
+    """Return the refusal of a board that hardly ever was still, or was so by chance."""
+    if collector.span_s >= MOTION_S and collector.still_share < STILL_SHARE:
+        return failure("motion", len(collector.poses), least)
     return None
 
 

@@ -76,7 +76,13 @@ def normalised(poses: Sequence[Pose], centre: Float, radius: float) -> Normal:
     """Return the poses about the centre in units of the radius."""
     means = np.array([pose.accel for pose in poses])
     noise = np.sqrt(np.array([np.mean(pose.sigma**2) for pose in poses])) / radius
+    noise = np.where(np.isnan(noise), 0.0, noise)  # not known: `blind` says so in the sigma of the result
     return Normal(centre=centre, radius=radius, u=(means - centre) / radius, sigma=np.hypot(noise, LENGTH_SIGMA))
+
+
+def blind(poses: Sequence[Pose], spare: int) -> float:
+    """Return 1, or NaN where neither scatter within the poses nor poses to spare show the noise: no sigma then."""
+    return float("nan") if spare < 1 and any(np.isnan(pose.sigma).any() for pose in poses) else 1.0
 
 
 def closed_form(faces: Float, gravity: float) -> tuple[Float, Float]:
@@ -149,7 +155,7 @@ def fit_norm(poses: Sequence[Pose], gravity: float) -> AccelFit:
     while (worst := _outlier(jac, r)) >= 0:
         used[np.flatnonzero(used)[worst]] = False
         x, jac, r = _solve_norm(n, used)
-    scale = max(1.0, float(r @ r) / max(len(r) - 9.0, 1.0))
+    scale = max(1.0, float(r @ r) / max(len(r) - 9.0, 1.0)) * blind(poses, len(r) - 9)
     cov = _covariance(jac) * scale
     more = {"placement_rad": float("nan"), "weights": used.astype(np.float64)}
     return _result(n, x[:3], _symmetric(x[3:]), cov, SYMMETRIC_JAC, gravity, **more)
@@ -219,6 +225,7 @@ def fit_faces(poses: Sequence[Pose], faces: Sequence[int], gravity: float) -> Ac
         power = PLACEMENT_WEIGHT * PLACEMENT_RAD**2 + float(across @ across)
         placement = float(np.sqrt(power / (PLACEMENT_WEIGHT + max(freedom - 6.0, 1.0))))
     scale = max(1.0, float(np.sum(solved.fun[: len(poses)] ** 2)) / max(len(poses) - 6.0, 1.0))
+    scale *= blind(poses, len(poses) - 6)
     cov = _covariance(solved.jac) * scale
     final = x[3:].reshape(3, 3)
     ones = np.ones(len(poses))

@@ -10,7 +10,8 @@ import numpy as np
 from server.nav.calibration import grades
 from server.nav.calibration.blocks import B_MEAN, B_T0, B_T1
 from server.nav.calibration.codes import failure
-from server.nav.calibration.gyro_turns import Movement, Rest, find_movements, find_rests, given_movements, new_table
+from server.nav.calibration.gyro_ranges import given_movements
+from server.nav.calibration.gyro_turns import Movement, Rest, find_movements, find_rests, new_table
 from server.nav.calibration.gyro_whole_turns import (
     AXES,
     TURN_RAD,
@@ -57,7 +58,10 @@ class GyroScale:
             self._table.feed(t_ns, rows)
 
     def fit_ranges(self, t_ns: Int, rows: Float, ranges: Sequence[tuple[int, int]]) -> Fit:
-        """Fit with these sample ranges [first, end) as rests and turns; which is which shows by itself."""
+        """Fit with these sample ranges [first, end) as turns, each integrated over exactly its samples.
+
+        Ranges at rest among them are recognised and give the bias; without one the rests of the stream do.
+        """
         self._given = given_movements(t_ns, rows, ranges, self._options.unit)
         self.feed(Kind.IMU, t_ns, rows)
         return self.fit()

@@ -9,6 +9,7 @@ from typing import Final
 
 import numpy as np
 
+from server.nav.calibration import grades
 from server.nav.calibration.blocks import (
     B_ANGLE,
     B_AT_MAX,
@@ -19,7 +20,6 @@ from server.nav.calibration.blocks import (
     B_MIN,
     B_N,
     B_SPAN,
-    B_T0,
     B_T1,
     B_VAR,
     BlockTable,
@@ -102,10 +102,13 @@ def find_rests(table: Float, unit: str) -> list[Rest]:
     """Return the rests, oldest first.
 
     A turntable's steady turn is as quiet as a rest. In SI the rest is the steady rate nearest to zero, and everything
-    near it; in counts, whose zero is unknown, the first steady rate: a turn starts from rest.
+    near it, none when that is more than any bias; in counts, whose zero is unknown, the first steady rate: a turn
+    starts from rest.
     """
     scale = Scale(accel=9.80665, gyro=1.0) if unit == "si" or not len(table) else scale_of_counts(table)
     steady = [rest_of(table, a, b) for a, b in still_runs(table, REST_LIMITS, scale)]
+    if unit == "si":
+        steady = [run for run in steady if float(np.abs(run.bias).max()) <= grades.GYRO_BIAS_MAX_RAD_S]
     if not steady:
         return []
     rest = steady[0] if unit == "raw" else min(steady, key=lambda run: float(np.linalg.norm(run.bias)))
@@ -113,7 +116,7 @@ def find_rests(table: Float, unit: str) -> list[Rest]:
     return [run for run in steady if float(np.linalg.norm(run.bias - rest.bias)) <= near]
 
 
-def _saturated(table: Float, blocks: Float, quiet_std: Float, quantum: Float) -> Float:
+def saturated(table: Float, blocks: Float, quiet_std: Float, quantum: Float) -> Float:
     """Return the share of the blocks' samples that stand at the stream's extreme value, 0 unless they repeat it."""
     out = np.zeros(3)
     for i in range(3):
@@ -129,14 +132,19 @@ def _saturated(table: Float, blocks: Float, quiet_std: Float, quantum: Float) ->
     return out
 
 
+def bias_beside(rests: Sequence[Rest]) -> tuple[Float, Float]:
+    """Return the bias between one or two rests and its 1σ, shapes (3,)."""
+    bias = np.mean([rest.bias for rest in rests], axis=0)
+    sigma = np.sqrt(np.mean([rest.sigma**2 for rest in rests], axis=0) / len(rests))
+    drift = np.abs(rests[-1].bias - rests[0].bias) / 4.0  # of a line between them, no more is sure
+    return np.asarray(bias), np.asarray(np.hypot(sigma, drift))
+
+
 def movement_of(table: Float, start: int, end: int, rests: Sequence[Rest], quantum: Float) -> Movement:
     """Return the movement of blocks [start, end) with the bias of one or two rests beside it."""
     blocks = table[start:end]
     span_s = float(blocks[:, B_SPAN].sum())
-    bias = np.mean([rest.bias for rest in rests], axis=0)
-    sigma = np.sqrt(np.mean([rest.sigma**2 for rest in rests], axis=0) / len(rests))
-    drift = np.abs(rests[-1].bias - rests[0].bias) / 4.0  # of a line between them, no more is sure
-    bias_sigma = np.hypot(sigma, drift)
+    bias, bias_sigma = bias_beside(rests)
     quiet = table[rests[0].start : rests[0].end]
     quiet_var = weighted_mean(quiet[:, B_VAR : B_VAR + 3], quiet[:, B_N])
     dt = span_s / max(float(blocks[:, B_N].sum()), 1.0)
@@ -146,7 +154,7 @@ def movement_of(table: Float, start: int, end: int, rests: Sequence[Rest], quant
         span_s=span_s,
         bias=bias,
         bias_sigma=bias_sigma,
-        saturated=_saturated(table, blocks, np.sqrt(quiet_var), quantum),
+        saturated=saturated(table, blocks, np.sqrt(quiet_var), quantum),
         t1_ns=int(blocks[-1, B_T1]),
         both=len(rests) == 2,
     )
@@ -165,53 +173,3 @@ def find_movements(table: Float, rests: Sequence[Rest], quantum: Float) -> list[
         if not np.any(table[start + 1 : end, B_GAP] > 0.0):
             out.append(movement_of(table, start, end, beside, quantum))
     return out
-
-
-def given_movements(t_ns: Int, rows: Float, ranges: Sequence[tuple[int, int]], unit: str) -> list[Movement]:
-    """Return the turns of explicit sample ranges; what is a rest among them shows in how steady they are.
-
-    Without a rest range the rests inside the whole stream give the bias.
-    """
-    parts = []
-    for a, b in ranges:
-        table = new_table()
-        table.feed(t_ns[a:b], rows[a:b])
-        table.flush()
-        if len(table.rows):
-            parts.append(table)
-    means = [weighted_mean(part.rows[:, B_MEAN : B_MEAN + 3], part.rows[:, B_N]) for part in parts]
-    stir = [float(np.sqrt((part.rows[:, B_VAR : B_VAR + 3] + (part.rows[:, B_MEAN : B_MEAN + 3] - m) ** 2).mean()))
-            for part, m in zip(parts, means, strict=True)]  # fmt: skip
-    is_rest = _which_rest(means, stir, unit)
-    rests = [(part, rest_of(part.rows, 0, len(part.rows))) for part, rest in zip(parts, is_rest, strict=True) if rest]
-    whole = new_table()
-    whole.feed(t_ns, rows)
-    known = rests or [(whole, rest) for rest in find_rests(whole.rows, unit)]
-    out: list[Movement] = []
-    for part, rest in zip(parts, is_rest, strict=True):
-        if not rest and known:
-            out.append(_given(part, known))
-    return out
-
-
-def _given(part: BlockTable, known: Sequence[tuple[BlockTable, Rest]]) -> Movement:
-    """Return the movement of a whole range, with the nearest rest before and after it."""
-    t0, t1 = part.rows[0, B_T0], part.rows[-1, B_T1]
-    before = [pair for pair in known if pair[0].rows[pair[1].end - 1, B_T1] <= t0]
-    after = [pair for pair in known if pair[0].rows[pair[1].start, B_T0] >= t1]
-    beside = (before[-1:] + after[:1]) or list(known[:1])
-    table = np.concatenate([beside[0][0].rows[beside[0][1].start : beside[0][1].end], part.rows])
-    first = Rest(start=0, end=len(table) - len(part.rows), bias=beside[0][1].bias, sigma=beside[0][1].sigma)
-    rests = [first] + [pair[1] for pair in beside[1:]]
-    return movement_of(table, first.end, len(table), rests, part.quantum[:3])
-
-
-def _which_rest(means: list[Float], stir: list[float], unit: str) -> list[bool]:
-    """Return which ranges are rests: the steadiest, and those whose mean is near its mean; a single range is a turn."""
-    if len(means) < 2:
-        return [False] * len(means)
-    quiet = int(np.argmin(stir))
-    if unit == "si":
-        quiet = int(np.argmin([float(np.linalg.norm(mean)) for mean in means]))
-    away = np.array([float(np.linalg.norm(mean - means[quiet])) for mean in means])
-    return [bool(x <= 0.1 * away.max()) for x in away]

@@ -122,11 +122,13 @@ class Level:
 
 
 def _matrix_sigma(matrix: Float, pose: Pose) -> Float:
-    """Return 1σ of each entry by the derivative of `level_matrix`; about the vertical it is fixed by definition."""
+    """Return 1σ of each entry by the derivative of `level_matrix`; NaN for the one that is 0 by definition."""
     var = np.zeros((3, 3))
     step = 1e-4 * float(np.linalg.norm(pose.accel))
     for i in range(3):
         moved = pose.accel.copy()
         moved[i] += step
         var += ((level_matrix(moved)[0] - matrix) / step * pose.sigma[i]) ** 2
-    return np.asarray(np.sqrt(var))
+    sigma = np.sqrt(var)
+    sigma[1, 0] = NAN  # gravity does not show the turn about the vertical; this entry of the convention fixes it
+    return np.asarray(sigma)

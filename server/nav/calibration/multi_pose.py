@@ -13,6 +13,7 @@ from server.nav.calibration.accel_common import (
     check_poses,
     early_failure,
     means_of,
+    moving_failure,
     refused,
     residual_before,
     temperature_of,
@@ -100,6 +101,7 @@ class MultiPose:
         coverage = 1.0 - len(uncovered(directions(away))) / len(uncovered(away[:0]))
         if why is None:
             why = _spread_failure(len(poses), count, away)
+            why = (moving_failure(self._poses, grades.POSES_LEAST) or why) if why is not None else None
         if why is not None:
             return refused(KIND, why, self._poses, coverage=coverage)
         return self._judged(fit_norm(poses, self._options.gravity_m_s2), poses, coverage)

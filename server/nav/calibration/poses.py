@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Sequence
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from typing import Final
 
 import numpy as np
@@ -33,8 +33,10 @@ BLOCK_SAMPLES: Final = 4
 SAME_POSE: Final = 0.02  # of g: neighbours that near (1.1°) are one pose with a bump in it
 STIRRED: Final = 2.5  # times the median: an eighth of a percent of white noise in three axes of four samples
 SATURATED_SHARE: Final = 0.3
+SATURATED_SAMPLES: Final = 12
 CLIPPED_STD: Final = 0.65  # half a normal distribution at a stop keeps 0.58 of its scatter
 OPEN_BLOCKS: Final = 3
+FEW_SAMPLES: Final = 10  # below, the own scatter of a pose is not worth much
 POSE_S: Final = 5 * BLOCK_S  # shortest pose
 
 
@@ -96,6 +98,28 @@ def pose_of(blocks: Float) -> Pose:
     )
 
 
+def with_common_noise(poses: Sequence[Pose]) -> list[Pose]:
+    """Return poses of few samples with the noise that all of them show together; NaN where none shows any.
+
+    One sample shows no scatter, two or three show it badly: their 1σ is at least that of the pooled scatter.
+    """
+    freedom = float(sum(pose.samples - 1 for pose in poses))
+    power = sum(((pose.samples - 1) * pose.std**2 for pose in poses), np.zeros(3))
+    common = np.sqrt(power / freedom) if freedom > 0.0 else np.full(3, np.nan)
+    few = [pose.samples < FEW_SAMPLES for pose in poses]
+    least = [np.maximum(pose.sigma, common / np.sqrt(pose.samples)) for pose in poses]
+    return [
+        replace(pose, sigma=sigma) if is_few else pose for pose, sigma, is_few in zip(poses, least, few, strict=True)
+    ]
+
+
+def stir_of(blocks: Float) -> float:
+    """Return the RMS over three axes of the samples about their mean."""
+    n, mean = blocks[:, B_N], blocks[:, B_MEAN + 3 : B_MEAN + 6]
+    spread = blocks[:, B_VAR + 3 : B_VAR + 6] + (mean - weighted_mean(mean, n)) ** 2
+    return float(np.sqrt(weighted_mean(spread, n).mean()))
+
+
 def _inner(table: Float, runs: Sequence[tuple[int, int]], near: float) -> list[Float]:
     """Return the blocks of each pose without its ends; neighbours alike are joined."""
     out: list[Float] = []
@@ -136,6 +160,7 @@ class PoseCollector:
         self._table = BlockTable(needs=1, least_n=BLOCK_SAMPLES, least_s=BLOCK_S)
         self._known: tuple[int, list[Pose], Scale] = (-1, [], Scale(accel=1.0, gyro=1.0))
         self._given: list[Pose] | None = None
+        self._stir = 0.0
 
     def feed(self, kind: Kind, t_ns: Int, rows: Float) -> None:
         """Take samples; other kinds than the IMU are ignored."""
@@ -144,14 +169,17 @@ class PoseCollector:
 
     def take_ranges(self, t_ns: Int, rows: Float, ranges: Sequence[tuple[int, int]]) -> None:
         """Take these ranges [first, end) of samples as the poses, each one, instead of looking for them."""
-        self._given = []
+        tables = []
         for a, b in ranges:
             table = BlockTable(needs=1, least_n=BLOCK_SAMPLES, least_s=BLOCK_S)
             table.feed(t_ns[a:b], rows[a:b])
             table.flush()
             if len(table.rows):
-                self._given.append(pose_of(table.rows))
+                tables.append(table.rows)
+        self._given = with_common_noise([pose_of(blocks) for blocks in tables])
+        self._stir = max((stir_of(blocks) for blocks in tables), default=0.0)
         self._table.feed(t_ns, rows)
+        self._table.flush()
 
     def _current(self) -> tuple[int, list[Pose], Scale]:
         blocks = self._table.rows
@@ -172,7 +200,15 @@ class PoseCollector:
     @property
     def scale(self) -> Scale:
         """1 g and 1 rad/s in the unit of the data."""
+        if self._given and self._options.unit == "raw":
+            means = np.array([pose.accel for pose in self._given])
+            return Scale(accel=float(np.max(np.ptp(means, axis=0))) / 2.0, gyro=0.0, is_found=True)
         return self._current()[2]
+
+    @property
+    def stirred(self) -> tuple[float, float]:
+        """The scatter within the liveliest of the given ranges, and what a pose may have; (0, inf) without ranges."""
+        return (self._stir, self._limits.accel_std_cap * self.scale.accel) if self._given else (0.0, np.inf)
 
     @property
     def samples(self) -> int:
@@ -184,6 +220,21 @@ class PoseCollector:
         """Seconds from the first block to the last."""
         blocks = self._table.rows
         return float(blocks[-1, B_T1] - blocks[0, B_T0]) * 1e-9 if len(blocks) else 0.0
+
+    @property
+    def still_share(self) -> float:
+        """Share of the time that the poses cover."""
+        held = sum(pose.t1_ns - pose.t0_ns for pose in self.poses) * 1e-9
+        return held / self.span_s if self.span_s > 0.0 else 1.0
+
+    def lengths_anyhow(self) -> Float:
+        """Return the lengths of what is still whatever its unit, in the unit of the data, shape (k,)."""
+        blocks = self._table.rows
+        if not len(blocks):
+            return np.empty(0)
+        runs = still_runs(blocks, self._limits, scale_of_counts(blocks))
+        means = np.array([_mean(blocks[a:b]) for a, b in runs]).reshape(-1, 3)
+        return np.asarray(np.linalg.norm(means, axis=1))
 
     @property
     def newest(self) -> Float:
@@ -225,6 +276,8 @@ class PoseCollector:
         top, bottom = blocks[:, B_MAX + 3 : B_MAX + 6].max(axis=0), blocks[:, B_MIN + 3 : B_MIN + 6].min(axis=0)
         noisy = usual > 0.5 * self._table.quantum[3:]
         for pose in poses:
+            if pose.samples < SATURATED_SAMPLES:
+                continue  # of two samples one is the largest, and half of them is there
             clipped = noisy & (pose.std < CLIPPED_STD * usual)
             share = np.maximum(
                 np.where(pose.high == top, pose.at_high, 0.0), np.where(pose.low == bottom, pose.at_low, 0.0)

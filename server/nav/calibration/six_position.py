@@ -12,6 +12,7 @@ from server.nav.calibration.accel_common import (
     check_poses,
     early_failure,
     means_of,
+    moving_failure,
     refused,
     residual_before,
     temperature_of,
@@ -112,7 +113,7 @@ class SixPosition:
         taken = [(pose, face) for pose, face in zip(poses, faces, strict=True) if face >= 0]
         done = len({face for _, face in taken})
         if why is None and done < 6:
-            why = failure("pose-missing", done, 6)
+            why = moving_failure(self._poses, 6) or failure("pose-missing", done, 6)
         if why is not None:
             return refused(KIND, why, self._poses, coverage=done / 6.0)
         used, of = [pose for pose, _ in taken], [face for _, face in taken]

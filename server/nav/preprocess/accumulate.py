@@ -34,7 +34,6 @@ from server.nav.kernel import kernel
 from server.nav.preprocess.chain_layout import (
     ACCEL,
     B_FULL_SCALE,
-    B_UNITS,
     G_USED,
     GYRO,
     K_CHANGED,
@@ -45,7 +44,7 @@ from server.nav.preprocess.chain_layout import (
     K_SIZE,
     block_at,
 )
-from server.nav.preprocess.chain_run import chain_imu
+from server.nav.preprocess.chain_run import chain_imu, own_copy
 from server.nav.preprocess.check import check_imu, count_clipped
 from server.nav.preprocess.memory import (
     N_GAPS,
@@ -70,7 +69,6 @@ from server.nav.preprocess.memory import (
     S_VIBRATION2,
 )
 from server.nav.preprocess.take_aid import take_aid
-from server.nav.preprocess.units import convert
 from server.nav.rotation import matrix_entries, quat_from_rotvec, quat_mul, rotvec_from_quat
 from server.nav.types import ROW_WIDTH, Byte, Float, Int
 
@@ -123,18 +121,6 @@ def _close_step(t: float, s: Float, out: Float) -> None:
     s[S_Q], s[S_Q + 1], s[S_Q + 2], s[S_Q + 3] = 1.0, 0.0, 0.0, 0.0
     s[S_COUNT] = s[S_GAP] = 0.0
     s[S_T_START] = t
-
-
-@kernel("void(float64[::1], float64[::1])")
-def _own_copy(raw: Float, c: Float) -> None:
-    """Put an IMU row where the chain may change it, in SI and body axes."""
-    row = c[K_ROW : K_ROW + ROW_WIDTH]
-    for i in range(ROW_WIDTH):
-        row[i] = raw[i]
-    if c[GYRO_BLOCK + B_UNITS] > 0.0:
-        convert(c, GYRO_BLOCK, row, 0)
-    if c[ACCEL_BLOCK + B_UNITS] > 0.0:
-        convert(c, ACCEL_BLOCK, row, 3)
 
 
 @kernel("void(float64[::1], float64, float64[::1], float64[::1], float64[::1])")
@@ -222,7 +208,7 @@ def condition(
         if kind[i] == IMU:
             row = data[i]
             if on:
-                _own_copy(row, c)
+                own_copy(row, c)
                 row = c[K_ROW : K_ROW + ROW_WIDTH]
             believed = check_imu(row, t, last, gyro_most, accel_most, s, n)
             if believed == 0:

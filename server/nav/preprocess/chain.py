@@ -9,6 +9,7 @@ import numpy as np
 
 from server.nav.calibration.applied import CAL_SIZE, Calibration
 from server.nav.preprocess import chain_layout as at
+from server.nav.preprocess.chain_calibration import check_calibration, move_states
 from server.nav.preprocess.chain_parameters import AXES, CHAIN_PARAMETERS, ChainInfo, chain_defaults, check_chain
 from server.nav.preprocess.chain_run import align_imu, retime
 from server.nav.preprocess.clipping import ACCEL_LEAST_M_S2, GYRO_LEAST_RAD_S
@@ -44,6 +45,7 @@ class Chain:
         for sensor, own in values.items():
             check_chain(sensor, own)
         self._values = {sensor: chain_defaults(sensor) | dict(values.get(sensor, {})) for sensor in at.SENSORS}
+        check_calibration(calibration)
         self.calibration = calibration
         self.array = np.zeros(at.K_SIZE)
         self.is_on = self.has_learned = False  # asked at every call of the engine
@@ -143,10 +145,22 @@ class Chain:
         Args:
             calibration: the new one.
             temperature_degc: of the IMU now; NaN unknown.
+
+        Raises:
+            ValueError: a number that is none, or a matrix that cannot be inverted; nothing is changed then.
         """
-        learned = self.array[at.K_LEARNED : at.K_LEARNED + 3]
-        change = rebase_between(self.calibration, calibration, learned, learned, temperature_degc)
+        check_calibration(calibration)
+        learned, kept = self.learned_gauss, self.learned_gauss
+        old = self.calibration
+        if not (
+            np.array_equal(old.mag_matrix, calibration.mag_matrix)
+            and np.array_equal(old.mag_offset, calibration.mag_offset)
+            and np.array_equal(old.level, calibration.level)
+        ):
+            kept = np.zeros(3)  # what was learned was learned on top of the old one
+        change = rebase_between(old, calibration, learned, kept, temperature_degc)
         self.calibration = calibration
+        self.array[at.K_LEARNED : at.K_LEARNED + 3] = kept
         self.array[at.K_CAL : at.K_CAL + CAL_SIZE] = calibration.flat()
         self._moved(change)
         return change
@@ -162,7 +176,7 @@ class Chain:
     def _moved(self, change: Rebase) -> None:
         """Carry the filters' states over, so that they go on as if the new calibration had always been there."""
         for sensor, (A, d) in change.by_sensor().items():
-            _move_states(self.array, sensor, A, d)
+            move_states(self.array, sensor, A, d)
         self._switch()
 
     def converted(self, kind: Kind, rows: Float) -> Float:
@@ -215,15 +229,3 @@ class Chain:
             )
             for sensor, name in enumerate(at.SENSORS)
         )
-
-
-def _move_states(c: Float, sensor: int, A: Float, d: Float) -> None:
-    """Apply x → A x + d to what one sensor's filters remember of x."""
-    b, n = at.block_at(sensor), at.CHANNELS[sensor]
-    z = c[b + at.B_STATES : b + at.B_STATES + n * at.Z_SIZE].reshape(n, at.Z_SIZE)
-    steady = np.ones(at.Z_SIZE)  # of each state for a constant input of 1; the filters are linear
-    k = c[b + at.B_COEFFICIENTS : b + at.B_COEFFICIENTS + 5 * at.SECTIONS].reshape(at.SECTIONS, 5)
-    steady[at.Z_SECTIONS : at.Z_LOWPASS] = np.stack((1.0 - k[:, 0], k[:, 2] - k[:, 4]), axis=1).ravel()
-    rejected = z[:, at.Z_REJECTED].copy()
-    z[:] = A @ z + np.outer(d, steady)
-    z[:, at.Z_REJECTED] = rejected

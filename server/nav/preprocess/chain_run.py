@@ -34,6 +34,7 @@ from server.nav.preprocess.chain_layout import (
     B_SIZE,
     B_STATES,
     B_T_LAST,
+    B_UNITS,
     B_WINDOW,
     BARO,
     G_FIRST,
@@ -43,6 +44,7 @@ from server.nav.preprocess.chain_layout import (
     K_CAL,
     K_CHANGED,
     K_PRESSURE,
+    K_ROW,
     MAG,
     SECTIONS,
     WINDOW_MAX,
@@ -53,8 +55,9 @@ from server.nav.preprocess.chain_layout import (
 )
 from server.nav.preprocess.limit import limit
 from server.nav.preprocess.lowpass import lowpass, lowpass_delay, weight
+from server.nav.preprocess.units import convert
 from server.nav.preprocess.window import window, window_delay
-from server.nav.types import Float
+from server.nav.types import ROW_WIDTH, Float
 
 GAP_S: Final = 0.1
 GAP_INTERVALS: Final = 4.0
@@ -168,6 +171,19 @@ def filter_sensor(c: Float, sensor: int, dt: float, row: Float, first: int, stag
         row[first + j] = value
     c[b + B_HEAD] = (head + 1) % WINDOW_MAX
     c[b + B_FILLED] = min(WINDOW_MAX, filled + 1)
+
+
+@kernel("void(float64[::1], float64[::1])")
+def own_copy(raw: Float, c: Float) -> None:
+    """Put an IMU row where the chain may change it, in SI and body axes."""
+    g, a = K_BLOCKS + GYRO * B_SIZE, K_BLOCKS + ACCEL * B_SIZE
+    row = c[K_ROW : K_ROW + ROW_WIDTH]
+    for i in range(ROW_WIDTH):
+        row[i] = raw[i]
+    if c[g + B_UNITS] > 0.0:
+        convert(c, g, row, 0)
+    if c[a + B_UNITS] > 0.0:
+        convert(c, a, row, 3)
 
 
 @kernel("void(float64[::1], float64, float64[::1], float64[::1])")

@@ -8,6 +8,7 @@ true value, hence b_new = A b_old + d.
 from __future__ import annotations
 
 from dataclasses import dataclass
+from typing import Final
 
 import numpy as np
 
@@ -19,6 +20,7 @@ from server.nav.preprocess import memory as acc
 from server.nav.rotation import quat_from_rotvec, rotvec_from_quat
 from server.nav.types import Float
 
+LEARNED_ON: Final = ("gyro_matrix", "mag_matrix", "mag_offset", "level")
 Affine = tuple[Float, Float]
 """A, shape (3, 3), and d, shape (3,)."""
 
@@ -31,6 +33,7 @@ class Rebase:
         gyro, accel, mag: (A, d) in rad/s, m/s², gauss.
         baro_m: added to a calibrated height. diff_pressure_pa: added to a calibrated differential pressure.
         is_level_changed: the body frame itself has turned; states in it mean nothing any more.
+        keeps_learning: what is being learned of the magnetometer in flight still holds.
     """
 
     gyro: Affine
@@ -39,6 +42,7 @@ class Rebase:
     baro_m: float
     diff_pressure_pa: float
     is_level_changed: bool
+    keeps_learning: bool
 
     def by_sensor(self) -> dict[int, Affine]:
         """Return the sensors' numbers in the chain with (A, d), d of shape (1,) and A (1, 1) for a number."""
@@ -79,6 +83,8 @@ def rebase_between(
         baro_m=old.baro_bias_m - new.baro_bias_m,
         diff_pressure_pa=old.diff_pressure_bias_pa - new.diff_pressure_bias_pa,
         is_level_changed=not np.array_equal(old.level, new.level),
+        keeps_learning=not gyro[1].any()
+        and all(np.array_equal(getattr(old, name), getattr(new, name)) for name in LEARNED_ON),
     )
 
 

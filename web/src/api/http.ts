@@ -9,9 +9,12 @@ import type {
   InfoOut,
   JobOut,
   LanesOut,
+  MagLearningOut,
   PortsOut,
+  PreprocessingOut,
   Problem,
   SessionOut,
+  SetOut,
   SetsOut,
   SettingsOut,
   SimulatorIn,
@@ -132,4 +135,13 @@ export const api = {
   simulator: (boardId: string) => request<SimulatorOut>("GET", `boards/${id(boardId)}/simulator`),
   simulate: (boardId: string, command: SimulatorIn) =>
     request<SimulatorOut>("POST", `boards/${id(boardId)}/simulator`, command),
+  magLearning: (boardId: string) => request<MagLearningOut>("GET", `boards/${id(boardId)}/mag-learning`),
+  setMagLearning: (boardId: string, switches: { run?: boolean; apply?: boolean }) =>
+    request<MagLearningOut>("PUT", `boards/${id(boardId)}/mag-learning`, switches),
+  keepMagLearning: (boardId: string) =>
+    request<SetOut>("POST", `boards/${id(boardId)}/mag-learning/keep`),
+  chains: (boardId: string) => request<PreprocessingOut>("GET", `boards/${id(boardId)}/preprocessing`),
+  /** Null = back to the default. */
+  setChain: (boardId: string, sensor: string, values: Readonly<Record<string, number | null>>) =>
+    request<PreprocessingOut>("PATCH", `boards/${id(boardId)}/preprocessing/${id(sensor)}`, values),
 };

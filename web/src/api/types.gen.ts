@@ -357,6 +357,50 @@ export interface paths {
         patch: operations["patch_parameters_api_v1_boards__board_id__lanes__lane__parameters_patch"];
         trace?: never;
     };
+    "/api/v1/boards/{board_id}/mag-learning": {
+        parameters: {
+            query?: never;
+            header?: never;
+            path?: never;
+            cookie?: never;
+        };
+        /**
+         * Get Mag Learning
+         * @description Return what the magnetometer learned in flight, beside the main lane's own magnetic bias.
+         */
+        get: operations["get_mag_learning_api_v1_boards__board_id__mag_learning_get"];
+        /**
+         * Put Mag Learning
+         * @description Switch learning, and the use of what was learned, on or off; two switches, what is left out stays.
+         */
+        put: operations["put_mag_learning_api_v1_boards__board_id__mag_learning_put"];
+        post?: never;
+        delete?: never;
+        options?: never;
+        head?: never;
+        patch?: never;
+        trace?: never;
+    };
+    "/api/v1/boards/{board_id}/mag-learning/keep": {
+        parameters: {
+            query?: never;
+            header?: never;
+            path?: never;
+            cookie?: never;
+        };
+        get?: never;
+        put?: never;
+        /**
+         * Keep Mag Learning
+         * @description Put what was learned in force as a calibration set of its own; learning begins anew from there.
+         */
+        post: operations["keep_mag_learning_api_v1_boards__board_id__mag_learning_keep_post"];
+        delete?: never;
+        options?: never;
+        head?: never;
+        patch?: never;
+        trace?: never;
+    };
     "/api/v1/boards/{board_id}/nav": {
         parameters: {
             query?: never;
@@ -375,6 +419,46 @@ export interface paths {
         options?: never;
         head?: never;
         patch?: never;
+        trace?: never;
+    };
+    "/api/v1/boards/{board_id}/preprocessing": {
+        parameters: {
+            query?: never;
+            header?: never;
+            path?: never;
+            cookie?: never;
+        };
+        /**
+         * Get Preprocessing
+         * @description Return the chain of every sensor: its steps with limits, meaning and value, and what its filters delay.
+         */
+        get: operations["get_preprocessing_api_v1_boards__board_id__preprocessing_get"];
+        put?: never;
+        post?: never;
+        delete?: never;
+        options?: never;
+        head?: never;
+        patch?: never;
+        trace?: never;
+    };
+    "/api/v1/boards/{board_id}/preprocessing/{sensor}": {
+        parameters: {
+            query?: never;
+            header?: never;
+            path?: never;
+            cookie?: never;
+        };
+        get?: never;
+        put?: never;
+        post?: never;
+        delete?: never;
+        options?: never;
+        head?: never;
+        /**
+         * Patch Preprocessing
+         * @description Change the preprocessing of one sensor from its next sample on; the estimators are told the new delay.
+         */
+        patch: operations["patch_preprocessing_api_v1_boards__board_id__preprocessing__sensor__patch"];
         trace?: never;
     };
     "/api/v1/boards/{board_id}/reconnect": {
@@ -779,6 +863,41 @@ export interface components {
              * @description give up after; absent = the kind's own
              */
             timeout_s?: number | null;
+        };
+        /**
+         * ChainIn
+         * @description Values by name, null = back to the default; what is not named stays, and nothing is changed if one is refused.
+         */
+        ChainIn: {
+            [key: string]: number | null;
+        };
+        /**
+         * ChainOut
+         * @description The preprocessing chain of one sensor.
+         */
+        ChainOut: {
+            /**
+             * Active
+             * @description false = samples go through as they are
+             */
+            active: boolean;
+            /**
+             * Columns
+             * @description of the topic stages/<sensor>
+             */
+            columns: string[];
+            /**
+             * Delay S
+             * @description by how much its filters are late; the estimators are told
+             */
+            delay_s: number;
+            /** Parameters */
+            parameters: components["schemas"]["ParameterOut"][];
+            /**
+             * Sensor
+             * @enum {string}
+             */
+            sensor: "gyro" | "accel" | "mag" | "baro" | "airspeed";
         };
         /**
          * ChangeOut
@@ -1488,6 +1607,76 @@ export interface components {
             url: string;
         };
         /**
+         * MagLearnOut
+         * @description What the magnetometer has learned in flight.
+         */
+        MagLearnOut: {
+            /**
+             * Changes
+             * @description how often the offset changed with the body: a magnet put on or taken off
+             */
+            changes: number;
+            /** Converged */
+            converged: boolean;
+            /**
+             * Ekf Offset Gauss
+             * @description the main lane's own magnetic bias; [] when it has none
+             */
+            ekf_offset_gauss: (number | null)[];
+            /** Ekf Sigma Gauss */
+            ekf_sigma_gauss: (number | null)[];
+            /**
+             * Excitation
+             * @description per axis, 0 = never turned, 1 = enough
+             */
+            excitation: (number | null)[];
+            /** Frozen */
+            frozen: boolean;
+            /**
+             * Offset Gauss
+             * @description centre, subtracted; body FRD, beside the calibration in force
+             */
+            offset_gauss: (number | null)[];
+            /**
+             * Reason
+             * @description why it does not learn now: "rest", "room", "few-turns"; "" when it learns
+             */
+            reason: string;
+            /** Residual Gauss */
+            residual_gauss: number | null;
+            /** Sigma Gauss */
+            sigma_gauss: (number | null)[];
+            /** T Ns */
+            t_ns: number;
+        };
+        /**
+         * MagLearningIn
+         * @description Switches; what is left out stays.
+         */
+        MagLearningIn: {
+            /** Apply */
+            apply?: boolean | null;
+            /** Run */
+            run?: boolean | null;
+        };
+        /**
+         * MagLearningOut
+         * @description The switches of in-flight magnetometer learning and what it found.
+         */
+        MagLearningOut: {
+            /**
+             * Apply
+             * @description subtract what was learned from the field that the estimators are given
+             */
+            apply: boolean;
+            /** Board Id */
+            board_id: string;
+            /** Run */
+            run: boolean;
+            /** @description null before the first magnetic sample while it runs */
+            state: components["schemas"]["MagLearnOut"] | null;
+        };
+        /**
          * MagnetIn
          * @description Stick a magnet to the body, or take it off; in flight as well.
          */
@@ -1833,6 +2022,16 @@ export interface components {
             is_held: boolean;
             /** Number */
             number?: number | null;
+        };
+        /**
+         * PreprocessingOut
+         * @description The chains of a board.
+         */
+        PreprocessingOut: {
+            /** Board Id */
+            board_id: string;
+            /** Sensors */
+            sensors: components["schemas"]["ChainOut"][];
         };
         /**
          * Problem
@@ -4736,6 +4935,283 @@ export interface operations {
             };
         };
     };
+    get_mag_learning_api_v1_boards__board_id__mag_learning_get: {
+        parameters: {
+            query?: never;
+            header?: never;
+            path: {
+                board_id: string;
+            };
+            cookie?: never;
+        };
+        requestBody?: never;
+        responses: {
+            /** @description Successful Response */
+            200: {
+                headers: {
+                    [name: string]: unknown;
+                };
+                content: {
+                    "application/json": components["schemas"]["MagLearningOut"];
+                };
+            };
+            /** @description Unauthorized */
+            401: {
+                headers: {
+                    [name: string]: unknown;
+                };
+                content: {
+                    "application/problem+json": components["schemas"]["Problem"];
+                };
+            };
+            /** @description Forbidden */
+            403: {
+                headers: {
+                    [name: string]: unknown;
+                };
+                content: {
+                    "application/problem+json": components["schemas"]["Problem"];
+                };
+            };
+            /** @description Not Found */
+            404: {
+                headers: {
+                    [name: string]: unknown;
+                };
+                content: {
+                    "application/problem+json": components["schemas"]["Problem"];
+                };
+            };
+            /** @description Request Entity Too Large */
+            413: {
+                headers: {
+                    [name: string]: unknown;
+                };
+                content: {
+                    "application/problem+json": components["schemas"]["Problem"];
+                };
+            };
+            /** @description Unprocessable Entity */
+            422: {
+                headers: {
+                    [name: string]: unknown;
+                };
+                content: {
+                    "application/problem+json": components["schemas"]["Problem"];
+                };
+            };
+            /** @description Too Many Requests */
+            429: {
+                headers: {
+                    [name: string]: unknown;
+                };
+                content: {
+                    "application/problem+json": components["schemas"]["Problem"];
+                };
+            };
+            /** @description Internal Server Error */
+            500: {
+                headers: {
+                    [name: string]: unknown;
+                };
+                content: {
+                    "application/problem+json": components["schemas"]["Problem"];
+                };
+            };
+        };
+    };
+    put_mag_learning_api_v1_boards__board_id__mag_learning_put: {
+        parameters: {
+            query?: never;
+            header?: never;
+            path: {
+                board_id: string;
+            };
+            cookie?: never;
+        };
+        requestBody: {
+            content: {
+                "application/json": components["schemas"]["MagLearningIn"];
+            };
+        };
+        responses: {
+            /** @description Successful Response */
+            200: {
+                headers: {
+                    [name: string]: unknown;
+                };
+                content: {
+                    "application/json": components["schemas"]["MagLearningOut"];
+                };
+            };
+            /** @description Unauthorized */
+            401: {
+                headers: {
+                    [name: string]: unknown;
+                };
+                content: {
+                    "application/problem+json": components["schemas"]["Problem"];
+                };
+            };
+            /** @description Forbidden */
+            403: {
+                headers: {
+                    [name: string]: unknown;
+                };
+                content: {
+                    "application/problem+json": components["schemas"]["Problem"];
+                };
+            };
+            /** @description Not Found */
+            404: {
+                headers: {
+                    [name: string]: unknown;
+                };
+                content: {
+                    "application/problem+json": components["schemas"]["Problem"];
+                };
+            };
+            /** @description Conflict */
+            409: {
+                headers: {
+                    [name: string]: unknown;
+                };
+                content: {
+                    "application/problem+json": components["schemas"]["Problem"];
+                };
+            };
+            /** @description Request Entity Too Large */
+            413: {
+                headers: {
+                    [name: string]: unknown;
+                };
+                content: {
+                    "application/problem+json": components["schemas"]["Problem"];
+                };
+            };
+            /** @description Unprocessable Entity */
+            422: {
+                headers: {
+                    [name: string]: unknown;
+                };
+                content: {
+                    "application/problem+json": components["schemas"]["Problem"];
+                };
+            };
+            /** @description Too Many Requests */
+            429: {
+                headers: {
+                    [name: string]: unknown;
+                };
+                content: {
+                    "application/problem+json": components["schemas"]["Problem"];
+                };
+            };
+            /** @description Internal Server Error */
+            500: {
+                headers: {
+                    [name: string]: unknown;
+                };
+                content: {
+                    "application/problem+json": components["schemas"]["Problem"];
+                };
+            };
+        };
+    };
+    keep_mag_learning_api_v1_boards__board_id__mag_learning_keep_post: {
+        parameters: {
+            query?: never;
+            header?: never;
+            path: {
+                board_id: string;
+            };
+            cookie?: never;
+        };
+        requestBody?: never;
+        responses: {
+            /** @description Successful Response */
+            201: {
+                headers: {
+                    [name: string]: unknown;
+                };
+                content: {
+                    "application/json": components["schemas"]["SetOut"];
+                };
+            };
+            /** @description Unauthorized */
+            401: {
+                headers: {
+                    [name: string]: unknown;
+                };
+                content: {
+                    "application/problem+json": components["schemas"]["Problem"];
+                };
+            };
+            /** @description Forbidden */
+            403: {
+                headers: {
+                    [name: string]: unknown;
+                };
+                content: {
+                    "application/problem+json": components["schemas"]["Problem"];
+                };
+            };
+            /** @description Not Found */
+            404: {
+                headers: {
+                    [name: string]: unknown;
+                };
+                content: {
+                    "application/problem+json": components["schemas"]["Problem"];
+                };
+            };
+            /** @description Conflict */
+            409: {
+                headers: {
+                    [name: string]: unknown;
+                };
+                content: {
+                    "application/problem+json": components["schemas"]["Problem"];
+                };
+            };
+            /** @description Request Entity Too Large */
+            413: {
+                headers: {
+                    [name: string]: unknown;
+                };
+                content: {
+                    "application/problem+json": components["schemas"]["Problem"];
+                };
+            };
+            /** @description Unprocessable Entity */
+            422: {
+                headers: {
+                    [name: string]: unknown;
+                };
+                content: {
+                    "application/problem+json": components["schemas"]["Problem"];
+                };
+            };
+            /** @description Too Many Requests */
+            429: {
+                headers: {
+                    [name: string]: unknown;
+                };
+                content: {
+                    "application/problem+json": components["schemas"]["Problem"];
+                };
+            };
+            /** @description Internal Server Error */
+            500: {
+                headers: {
+                    [name: string]: unknown;
+                };
+                content: {
+                    "application/problem+json": components["schemas"]["Problem"];
+                };
+            };
+        };
+    };
     get_nav_api_v1_boards__board_id__nav_get: {
         parameters: {
             query?: {
@@ -4756,6 +5232,190 @@ export interface operations {
                 };
                 content: {
                     "application/json": components["schemas"]["NavOut"];
+                };
+            };
+            /** @description Unauthorized */
+            401: {
+                headers: {
+                    [name: string]: unknown;
+                };
+                content: {
+                    "application/problem+json": components["schemas"]["Problem"];
+                };
+            };
+            /** @description Forbidden */
+            403: {
+                headers: {
+                    [name: string]: unknown;
+                };
+                content: {
+                    "application/problem+json": components["schemas"]["Problem"];
+                };
+            };
+            /** @description Not Found */
+            404: {
+                headers: {
+                    [name: string]: unknown;
+                };
+                content: {
+                    "application/problem+json": components["schemas"]["Problem"];
+                };
+            };
+            /** @description Conflict */
+            409: {
+                headers: {
+                    [name: string]: unknown;
+                };
+                content: {
+                    "application/problem+json": components["schemas"]["Problem"];
+                };
+            };
+            /** @description Request Entity Too Large */
+            413: {
+                headers: {
+                    [name: string]: unknown;
+                };
+                content: {
+                    "application/problem+json": components["schemas"]["Problem"];
+                };
+            };
+            /** @description Unprocessable Entity */
+            422: {
+                headers: {
+                    [name: string]: unknown;
+                };
+                content: {
+                    "application/problem+json": components["schemas"]["Problem"];
+                };
+            };
+            /** @description Too Many Requests */
+            429: {
+                headers: {
+                    [name: string]: unknown;
+                };
+                content: {
+                    "application/problem+json": components["schemas"]["Problem"];
+                };
+            };
+            /** @description Internal Server Error */
+            500: {
+                headers: {
+                    [name: string]: unknown;
+                };
+                content: {
+                    "application/problem+json": components["schemas"]["Problem"];
+                };
+            };
+        };
+    };
+    get_preprocessing_api_v1_boards__board_id__preprocessing_get: {
+        parameters: {
+            query?: never;
+            header?: never;
+            path: {
+                board_id: string;
+            };
+            cookie?: never;
+        };
+        requestBody?: never;
+        responses: {
+            /** @description Successful Response */
+            200: {
+                headers: {
+                    [name: string]: unknown;
+                };
+                content: {
+                    "application/json": components["schemas"]["PreprocessingOut"];
+                };
+            };
+            /** @description Unauthorized */
+            401: {
+                headers: {
+                    [name: string]: unknown;
+                };
+                content: {
+                    "application/problem+json": components["schemas"]["Problem"];
+                };
+            };
+            /** @description Forbidden */
+            403: {
+                headers: {
+                    [name: string]: unknown;
+                };
+                content: {
+                    "application/problem+json": components["schemas"]["Problem"];
+                };
+            };
+            /** @description Not Found */
+            404: {
+                headers: {
+                    [name: string]: unknown;
+                };
+                content: {
+                    "application/problem+json": components["schemas"]["Problem"];
+                };
+            };
+            /** @description Request Entity Too Large */
+            413: {
+                headers: {
+                    [name: string]: unknown;
+                };
+                content: {
+                    "application/problem+json": components["schemas"]["Problem"];
+                };
+            };
+            /** @description Unprocessable Entity */
+            422: {
+                headers: {
+                    [name: string]: unknown;
+                };
+                content: {
+                    "application/problem+json": components["schemas"]["Problem"];
+                };
+            };
+            /** @description Too Many Requests */
+            429: {
+                headers: {
+                    [name: string]: unknown;
+                };
+                content: {
+                    "application/problem+json": components["schemas"]["Problem"];
+                };
+            };
+            /** @description Internal Server Error */
+            500: {
+                headers: {
+                    [name: string]: unknown;
+                };
+                content: {
+                    "application/problem+json": components["schemas"]["Problem"];
+                };
+            };
+        };
+    };
+    patch_preprocessing_api_v1_boards__board_id__preprocessing__sensor__patch: {
+        parameters: {
+            query?: never;
+            header?: never;
+            path: {
+                sensor: string;
+                board_id: string;
+            };
+            cookie?: never;
+        };
+        requestBody: {
+            content: {
+                "application/json": components["schemas"]["ChainIn"];
+            };
+        };
+        responses: {
+            /** @description Successful Response */
+            200: {
+                headers: {
+                    [name: string]: unknown;
+                };
+                content: {
+                    "application/json": components["schemas"]["PreprocessingOut"];
                 };
             };
             /** @description Unauthorized */

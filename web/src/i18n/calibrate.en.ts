@@ -28,6 +28,8 @@ export const calibrateEn = {
   "cal.kind.baro_reference": "Height here",
   "cal.kind.import": "From a file",
 
+  "cal.kind.default": "As delivered",
+
   "cal.is.gyro_bias": "What the gyroscope shows while nothing turns. Five seconds at rest.",
   "cal.is.gyro_scale":
     "By how much the gyroscope over- or understates a turn. Rest, turn by whole turns about one axis, rest.",
@@ -334,8 +336,8 @@ export const calibrateEn = {
   "learn.ekf": "Estimator's own ± σ",
   "learn.changes": "Changes of the body's field seen",
   "learn.residual": "Residual",
-  "learn.job": "Keep it as a calibration",
-  "learn.jobHint": "Collects until the offset is known well, then offers it like any other result.",
+  "learn.keep": "Keep it as a calibration",
+  "learn.keepHint": "Puts what was learned in force as a calibration; learning begins anew from there.",
 
   "chain.title": "Processing",
   "chain.active": "at work",

@@ -29,6 +29,8 @@ export const calibrateZh: Readonly<Record<keyof typeof calibrateEn, string>> = {
   "cal.kind.baro_reference": "此处高度",
   "cal.kind.import": "来自文件",
 
+  "cal.kind.default": "出厂值",
+
   "cal.is.gyro_bias": "静止时陀螺仪的读数。静置五秒。",
   "cal.is.gyro_scale": "陀螺仪把转角放大或缩小了多少。静止、绕一轴转整数圈、再静止。",
   "cal.is.accel_six_position": "加速度计的零偏与标度。将载具的六个面依次朝下放置约一秒，顺序不限。",
@@ -329,8 +331,8 @@ export const calibrateZh: Readonly<Record<keyof typeof calibrateEn, string>> = {
   "learn.ekf": "估计器自己的 ± σ",
   "learn.changes": "发现的机身磁场变化",
   "learn.residual": "残差",
-  "learn.job": "保存为校准",
-  "learn.jobHint": "采集到零偏足够准确为止，然后像其他结果一样供您应用。",
+  "learn.keep": "保存为校准",
+  "learn.keepHint": "将学到的零偏作为校准生效；之后重新开始学习。",
 
   "chain.title": "处理",
   "chain.active": "工作中",

@@ -46,7 +46,8 @@ export async function applySet(sensor: CalSensor, set: string): Promise<void> {
   }
 }
 
-function sayApplied(sensor: CalSensor): void {
+/** Say that it is in force, with the way back. */
+export function sayApplied(sensor: CalSensor): void {
   notices.say({
     severity: "info",
     text: t("cal.nowApplied", { sensor: calSensorName(sensor) }),
