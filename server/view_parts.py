@@ -101,6 +101,7 @@ def _sensor(view: BoardView, sensor: SensorHealth) -> SensorOut:
         samples=sensor.samples,
         repeated=sensor.repeated,
         refused=_counts(sensor.refused),
+        clipped=sensor.clipped,
         scale=sensor.scale,
         note=sensor.note,
         columns=SAMPLE_COLUMNS[known] if known is not None else (),
@@ -156,6 +157,11 @@ def delays_out(view: BoardView) -> tuple[DelayOut, ...]:
 
 
 def _delay(snapshot: Snapshot, name: DelayedName) -> DelayOut:
+    added = next((one.delay_s for one in snapshot.filter_delays if one.name == TOLD_OF[name]), None)
+    return _known_delay(snapshot, name).model_copy(update={"filter_s": added})
+
+
+def _known_delay(snapshot: Snapshot, name: DelayedName) -> DelayOut:
     told = next((one for one in snapshot.told_delays if one.name == TOLD_OF[name]), None)
     if told is not None:
         return DelayOut.model_validate({"measurement": name, "delay_s": told.delay_s, "source": told.source})

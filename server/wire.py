@@ -35,6 +35,7 @@ class SensorOut(Out):
     samples: int
     repeated: int
     refused: tuple[CountOut, ...]
+    clipped: int = Field(description="samples that stood at the end of the sensor's range; they are used")
     scale: float = Field(description="factor applied to the reported values")
     note: str = Field(description='a code, "" when all is well')
     columns: tuple[str, ...] = Field(description="of the raw topic of this sensor")

@@ -21,6 +21,7 @@ class DelayOut(Out):
     sigma_s: Num = Field(
         default=None, description="standard deviation of an estimate, which is used once it is below 0.05; else null"
     )
+    filter_s: Num = Field(default=None, description="what our own filters add to it; null = none is on")
     source: Literal["settings", "board", "estimated", "unknown"] = Field(
         description='"settings": a person said so; "board": known of this kind of board; "estimated": from innovations'
     )
