@@ -78,10 +78,22 @@ def merged_by_time(pieces: Sequence[Piece]) -> list[Piece]:
     which = np.concatenate([np.full(len(piece.t_ns), k) for k, piece in enumerate(ordered)])
     row = np.concatenate([np.arange(len(piece.t_ns)) for piece in ordered])
     order = np.argsort(np.concatenate([piece.t_ns for piece in ordered]), kind="stable")
-    cuts = np.flatnonzero(np.diff(which[order])) + 1
-    found = []
-    for part in np.split(order, cuts):
-        if len(part):
-            piece, rows = ordered[int(which[part[0]])], row[part]
-            found.append(Piece(kind=piece.kind, t_ns=piece.t_ns[rows], rows=piece.rows[rows]))
+    which, row = which[order], row[order]
+    gathered = [
+        piece if (np.diff(rows) == 1).all() else Piece(kind=piece.kind, t_ns=piece.t_ns[rows], rows=piece.rows[rows])
+        for piece, rows in ((piece, row[which == k]) for k, piece in enumerate(ordered))
+    ]
+    return _stretches(gathered, which)
+
+
+def _stretches(pieces: Sequence[Piece], which: Int) -> list[Piece]:
+    """Return views of the pieces, cut wherever the next sample in time is another piece's."""
+    if not len(which):
+        return []
+    edges = np.concatenate([[0], np.flatnonzero(np.diff(which)) + 1, [len(which)]])
+    taken, found = [0] * len(pieces), []
+    for k, count in zip(which[edges[:-1]].tolist(), np.diff(edges).tolist(), strict=True):
+        first, piece = taken[k], pieces[k]
+        taken[k] = first + count
+        found.append(Piece(kind=piece.kind, t_ns=piece.t_ns[first : taken[k]], rows=piece.rows[first : taken[k]]))
     return found

@@ -102,7 +102,8 @@ def _options(told: Told, site: Site | None, notes: list[str]) -> Options:
     """Return the collector's options; what a person told wins over the log's site."""
     field, gravity = _field(told, site, notes)
     strength = told.strength
-    if math.isnan(strength) and field:
+    in_counts = told.unit == "raw" and told.kind is CalKind.MAG_FIXED_HEADING  # gauss of the place say nothing there
+    if math.isnan(strength) and field and not in_counts:
         strength = float(np.linalg.norm(field))
     return Options(
         unit=told.unit or "si",

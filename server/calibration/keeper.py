@@ -82,11 +82,7 @@ class Keeper:
             details={"residual_gauss": state.residual_gauss},
         )
         made = self._made(fit, board, by, present=board.calibration, source="learned in flight")
-        run, _ = board.mag_learning_switches
-        board.set_mag_learning(False, False)  # what was learned goes into the calibration: it starts from nothing
-        kept = await self._keep(board, made)
-        board.set_mag_learning(run, False)
-        return kept
+        return await self._keep(board, made)  # the engine starts learning anew when the magnetic calibration changes
 
     async def reload(self, board: Board) -> None:
         """Put in force what the store says is in force."""

@@ -10,15 +10,18 @@ import numpy as np
 from server.nav.calibration.applied import Calibration
 from server.nav.types import Event, Float
 
+ANEW: Final = "The vehicle is not under way: the estimators start anew. Hold it still for a few seconds."
+GOES_ON: Final = "The estimators go on with their biases carried over; nothing to do."
 PARTS: Final = (("gyro", "rad_s"), ("accel", "m_s2"), ("mag", "gauss"))
 
 
-def calibration_event(calibration: Calibration, t_ns: int) -> Event:
+def calibration_event(calibration: Calibration, t_ns: int, *, anew: bool) -> Event:
     """Return the event of a calibration that has just come into force: its offsets, and how much it stretches."""
     if calibration.is_identity:
         text = "Every calibration was taken off: the sensors are used as the board sends them."
     else:
-        text = "Another calibration is in force. The estimators go on with their biases carried over; nothing to do."
+        text = "Another calibration is in force."
+    text += f" {ANEW if anew else GOES_ON}"
     return Event(t_ns=t_ns, code="calibration-applied", severity="info", text=text, values=_numbers(calibration))
 
 

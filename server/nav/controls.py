@@ -37,26 +37,30 @@ class Controls:
     def set_calibration(self, calibration: Calibration) -> None:
         """Put a calibration in force from the next sample on; raw rows stay raw.
 
-        The main lane's biases are carried over, so that its solution does not jump. A level that changes turns the body
-        frame: every lane then starts anew. A change of gyro, magnetometer or level starts learning in flight anew.
+        On the ground every lane starts anew with the better sensors: what it had learned of the worse ones, a tilt from
+        an accelerometer's offset among it, is worth nothing. Under way the main lane's biases are carried over, so that
+        its solution does not jump. A level that changes turns the body frame: every lane starts anew. A change of gyro,
+        magnetometer or level starts learning in flight anew.
 
         Raises:
             ValueError: a number that is none, or a matrix that cannot be inverted; nothing is changed then.
         """
         if not self._started:
             self._conditioning.calibrate(calibration)
-            self._untold.append(calibration_event(calibration, 0))
+            self._untold.append(calibration_event(calibration, 0, anew=False))
             return
-        self._follow(self._conditioning.calibrate(calibration))
-        self._untold.append(calibration_event(calibration, self._record.t_ns))
+        change = self._conditioning.calibrate(calibration)
+        anew = change.turns_vectors and not self._record.moves
+        self._follow(change, anew=anew)
+        self._untold.append(calibration_event(calibration, self._record.t_ns, anew=anew))
 
     @property
     def calibration(self) -> Calibration:
         """The calibration in force."""
         return self._conditioning.chain.calibration
 
-    def _follow(self, change: Rebase) -> None:
-        """Carry everything over that holds calibrated values."""
+    def _follow(self, change: Rebase, *, anew: bool = False) -> None:
+        """Carry everything over that holds calibrated values, or start the lanes anew."""
         A, d = change.mag
         if not change.keeps_learning:
             self._learning.restart()
@@ -64,6 +68,8 @@ class Controls:
         self._held[3] += change.baro_m
         if change.is_level_changed:
             self._untold.append(level_event(self._record.t_ns))
+            self._bank.restart()
+        elif anew:
             self._bank.restart()
         else:
             self._bank.rebase(change)

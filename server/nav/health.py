@@ -44,6 +44,7 @@ REASONS: Final = (
 
 PSEUDO: Final = (Aid.ZERO_VELOCITY, Aid.ZERO_RATE, Aid.GRAVITY, Aid.DRAG)
 """Aids that measure nothing but assume."""
+OBSERVED: Final = AID_COLUMNS.index("observation_0")
 RECENT_NS: Final = 10e9
 """How long a hole in the data stays worth a caution; the count stays for ever."""
 
@@ -108,6 +109,11 @@ class AidBook:
         self._last[aid] = rows.data  # with repeated indices the last one stays
         fused = status == AidStatus.FUSED
         self._t_fused_ns[aid[fused]] = rows.t_ns[fused]
+
+    def gnss_speed_m_s(self) -> float:
+        """Return the horizontal speed in the newest GNSS velocity, believed or not; NaN when there was none."""
+        row = self._last[Aid.GNSS_VELOCITY]
+        return math.hypot(row[OBSERVED], row[OBSERVED + 1])  # many receivers give no vertical one
 
     def health(self) -> tuple[AidHealth, ...]:
         """Return one entry per aid that was ever seen."""

@@ -28,6 +28,7 @@ from server.nav.types import (
 )
 
 EVENTS_KEPT: Final = 100
+UNDER_WAY_M_S: Final = 1.0  # a receiver at rest shows a few tenths
 MAIN: Final = "ins_ekf"
 """The lane whose aids are recorded and whose consistency is judged."""
 
@@ -51,6 +52,11 @@ class Record:
         self.newest: dict[str, LaneState] = {}
         self.filtered: tuple[float, ...] = ()
         self._book, self._nees = AidBook(), NeesBook(MAIN)
+
+    @property
+    def moves(self) -> bool:
+        """True when GNSS says that the vehicle is under way."""
+        return self._book.gnss_speed_m_s() > UNDER_WAY_M_S
 
     def keep_only(self, lanes: tuple[str, ...]) -> None:
         """Forget the newest states of all other lanes."""

@@ -128,7 +128,7 @@ def cut_blocks(
         needs: samples without this sensor are passed over: 0 gyro, 1 accelerometer, 2 both.
         least_n, least_s: a block is complete when it has as many samples and spans as long.
         h, w: state, shapes (H_SIZE,) and (9, 6).
-        out: shape (≥ n + 1, B_SIZE).
+        out: shape (≥ (n + open samples) / least_n, B_SIZE).
     """
     done = 0
     for k in range(t_ns.shape[0]):
@@ -188,9 +188,9 @@ class BlockTable:
 
     def feed(self, t_ns: Int, rows: Float) -> None:
         """Take samples, rows as in `SAMPLE_COLUMNS[Kind.IMU]`."""
-        most = self._used + len(t_ns) + 1
+        most = self._used + int((self._head[H_OPEN] + len(t_ns)) / self._least_n) + 1
         if most > len(self._rows):
-            self._rows = np.concatenate([self._rows, np.empty((most, B_SIZE))])
+            self._rows = np.concatenate([self._rows, np.empty((max(most - self._used, self._used), B_SIZE))])
         out = self._rows[self._used :]
         t, data = np.ascontiguousarray(t_ns, dtype=np.int64), np.ascontiguousarray(rows, dtype=np.float64)
         self._used += cut_blocks(t, data, self._needs, self._least_n, self._least_s, self._head, self._work, out)

@@ -6,6 +6,7 @@ cannot tell soft iron from hard: the offset is right near this heading and wrong
 
 from __future__ import annotations
 
+import math
 from collections.abc import Mapping
 from typing import Final
 
@@ -13,6 +14,7 @@ import numpy as np
 
 from server.nav.calibration.codes import failure
 from server.nav.calibration.types import CalKind, Check, Failure, Fit, Grade, Options, Progress, Residual, Value
+from server.nav.kernel import kernel
 from server.nav.types import Float, Int, Kind
 
 ENOUGH_S: Final = 5.0
@@ -29,20 +31,42 @@ GOOD, FAIR = 0.04, 0.08  # grades: length of σ over the field
 MAG_STILL: Final = 0.05  # of the field: RMS of the readings about their mean
 
 
+@kernel("int64(float64[:, ::1], int64, int64, float64[::1], float64[::1])")
+def add_rows(rows: Float, first: int, count: int, mean: Float, square: Float) -> int:
+    """Add rows to a running mean and sum of squares about it (Welford), one by one; return how many there are now.
+
+    Args:
+        rows: shape (n, > first + c).
+        first: the column of the first of the c values.
+        count: rows in the mean so far.
+        mean, square: shape (c,), changed in place.
+    """
+    width = mean.shape[0]
+    for k in range(rows.shape[0]):
+        known = True
+        for i in range(width):
+            known = known and math.isfinite(rows[k, first + i])
+        if not known:
+            continue
+        count += 1
+        for i in range(width):
+            step = rows[k, first + i] - mean[i]
+            mean[i] += step / count
+            square[i] += step * (rows[k, first + i] - mean[i])
+    return count
+
+
 class _Sums:
-    """Count, mean and scatter of a stream of vectors, in constant memory (Welford's update by blocks)."""
+    """Count, mean and scatter of a stream of vectors, in constant memory."""
 
     def __init__(self, width: int) -> None:
         self.count = 0
         self.mean = np.zeros(width)
         self._square = np.zeros(width)
 
-    def feed(self, rows: Float) -> None:
-        for row in rows[np.isfinite(rows).all(axis=1)]:
-            self.count += 1
-            step = row - self.mean
-            self.mean = self.mean + step / self.count
-            self._square += step * (row - self.mean)
+    def feed(self, rows: Float, first: int) -> None:
+        """Take the columns from `first` on; rows with an unknown one are left out."""
+        self.count = add_rows(np.ascontiguousarray(rows), first, self.count, self.mean, self._square)
 
     @property
     def scatter(self) -> Float:
@@ -57,8 +81,16 @@ class MagFixedHeading:
     """
 
     def __init__(self, options: Options) -> None:
+        """Start without samples.
+
+        Raises:
+            ValueError: counts without the strength of the field in counts, which one attitude cannot show.
+        """
         self._heading, self._heading_sigma = options.heading_rad, options.heading_sigma_rad
         self._field = np.array(options.field_n_gauss, dtype=np.float64)
+        self._unit = "gauss" if options.unit == "si" else "counts"
+        if options.unit == "raw":
+            self._field = _in_counts(self._field, options.strength)
         self._wanted_s = options.duration_s if np.isfinite(options.duration_s) else ENOUGH_S
         self._restarts = 0
         self._last_ns = -1
@@ -85,11 +117,11 @@ class MagFixedHeading:
 
     def _take(self, kind: Kind, t_ns: Int, rows: Float) -> None:
         if kind == Kind.MAG:
-            self._mag.feed(rows[:, :3])
+            self._mag.feed(rows, 0)
             return
-        self._imu.feed(rows[:, :6])
+        self._imu.feed(rows, 0)
         early = t_ns - self._from_ns < 0.5e9 * self._wanted_s
-        self._first.feed(rows[early, 3:6])
+        self._first.feed(rows[early], 3)
 
     @property
     def _elapsed_s(self) -> float:
@@ -137,7 +169,7 @@ class MagFixedHeading:
             return failure("motion", float(drift), TURNED_M_S2, "m/s²")
         limit = MAG_STILL * float(np.linalg.norm(self._field))
         spread = float(np.linalg.norm(self._mag.scatter))
-        return failure("motion", spread, limit, "gauss") if spread > limit else None
+        return failure("motion", spread, limit, self._unit) if spread > limit else None
 
     def _tilted(self) -> Failure | None:
         down = self._down()
@@ -167,11 +199,11 @@ class MagFixedHeading:
             kind=CalKind.MAG_FIXED_HEADING,
             parameters={"offset": offset},
             sigma={"offset": sigma},
-            residual_before=Residual(value=before, unit="gauss"),
-            residual_after=Residual(value=noise, unit="gauss"),
+            residual_before=Residual(value=before, unit=self._unit),
+            residual_after=Residual(value=noise, unit=self._unit),
             grade=grade,
             samples=self._mag.count,
-            details={"tilt_rad": float(np.arccos(np.clip(self._down()[2], -1.0, 1.0))), "offset_gauss": before},
+            details={"tilt_rad": float(np.arccos(np.clip(self._down()[2], -1.0, 1.0))), f"offset_{self._unit}": before},
         )
 
     def _expected(self) -> Float:
@@ -191,13 +223,29 @@ class MagFixedHeading:
         strength = float(np.linalg.norm(self._field)) if self._field.shape == (3,) else float("nan")
         limit = 0.1 * strength
         if refused is not None:
-            nothing = Residual(value=float("nan"), unit="gauss")
+            nothing = Residual(value=float("nan"), unit=self._unit)
             return Check(ok=False, residual=nothing, limit=limit, samples=self._mag.count, failure=refused)
         matrix = np.asarray(parameters.get("matrix", np.eye(3)))
         off = matrix @ (self._mag.mean - np.asarray(parameters["offset"])) - self._expected()
         value = float(np.linalg.norm(off))
-        residual = Residual(value=value, unit="gauss")
+        residual = Residual(value=value, unit=self._unit)
         return Check(ok=value <= limit, residual=residual, limit=limit, samples=self._mag.count)
+
+
+def _in_counts(field_gauss: Float, strength: float) -> Float:
+    """Return the field with this length.
+
+    Raises:
+        ValueError: the length is not known.
+    """
+    if not strength > 0.0:
+        msg = (
+            "strength must be given with raw counts, because one attitude does not show how many a gauss is; "
+            "set --strength to the field's magnitude in counts"
+        )
+        raise ValueError(msg)
+    length = float(np.linalg.norm(field_gauss))
+    return field_gauss * (strength / length) if length > 0.0 else field_gauss
 
 
 def rotation_bn(down_b: Float, heading_rad: float) -> Float:

@@ -6,28 +6,30 @@ import math
 from typing import Final
 
 from server.nav.calibration.learning_filter import correct, hold_still, judge, predict, widen
-from server.nav.calibration.learning_judge import MEMORY_RAD, compare, departure2, doubt2, suspect, usual2
+from server.nav.calibration.learning_judge import compare, doubt2, suspect, usual2
+from server.nav.calibration.learning_strength import departure2, learn_unevenness, remember_strength
 from server.nav.calibration.learning_layout import (
     C_A_Q,
     C_A_S,
     C_B_DT,
     C_B_N,
     C_B_SIZE,
+    C_B_Z,
+    C_B_Z2,
     C_BAD_RAD,
     C_JUMP2,
     C_PATCH2,
     C_Q,
-    C_RESIDUAL2,
     C_STILL,
     C_STILL_S,
     C_SUSPECT,
     C_TURNED,
+    C_WHITE2,
+    C_WHITE_N,
     F_E,
     FIELD,
     GYRO,
-    K_NOISE,
     K_PATCH_MAX,
-    K_PATCH_MIN,
     K_PATCH_RAD,
     N,
 )
@@ -41,20 +43,22 @@ GATE: Final = 6.0  # innovation² over what is expected: 2.4 standard deviations
 STRENGTH_GATE: Final = 9.0  # of one number: 3 standard deviations
 LASTING: Final = 3.0  # the same for its mean …
 LASTING_RAD: Final = 5.0  # … over this
+FEW_SAMPLES: Final = 3.0
+WHITE_BELIEF: Final = 5.0  # samples that the first guess at the white noise counts for
+WHITE_SAMPLES: Final = 300.0  # over which it is averaged
 SUSPECT_RAD: Final = 0.5  # turning all of which contradicts: no passing thing
 
 
-@kernel("void(float64[::1], float64[::1], float64[::1], float64, float64)")
-def _learn_patch(s: Float, c: Float, par: Float, departs2: float, rad: float) -> None:
-    """Follow the unevenness: how much the strength varies; it needs no rotation to be known."""
-    blend, white2 = min(1.0, rad / MEMORY_RAD), par[K_NOISE] ** 2 / c[C_B_N]
-    if doubt2(s) > c[C_PATCH2]:  # the offset's own error varies the strength as well: it is no more uneven than that
-        c[C_RESIDUAL2] += blend * (min(departs2, 4.0 * par[K_PATCH_MAX] ** 2) - c[C_RESIDUAL2])
-        c[C_PATCH2] = min(c[C_PATCH2], c[C_RESIDUAL2] - white2)
-    else:
-        c[C_RESIDUAL2] += blend * (departs2 - c[C_RESIDUAL2])
-        c[C_PATCH2] += blend * (departs2 - white2 - c[C_PATCH2])
-    c[C_PATCH2] = min(max(c[C_PATCH2], par[K_PATCH_MIN] ** 2), par[K_PATCH_MAX] ** 2)
+@kernel("void(float64[::1], float64[::1])")
+def _learn_white(c: Float, par: Float) -> None:
+    """Follow the sensor's white noise by the scatter of the samples of a still block."""
+    n = c[C_B_N]
+    if n < FEW_SAMPLES:
+        return
+    sum2 = c[C_B_Z] ** 2 + c[C_B_Z + 1] ** 2 + c[C_B_Z + 2] ** 2
+    scatter2 = max(0.0, c[C_B_Z2] - sum2 / n) / (3.0 * (n - 1.0))
+    c[C_WHITE_N] = min(c[C_WHITE_N] + n - 1.0, WHITE_SAMPLES)
+    c[C_WHITE2] += (n - 1.0) / (WHITE_BELIEF + c[C_WHITE_N]) * (min(scatter2, par[K_PATCH_MAX] ** 2) - c[C_WHITE2])
 
 
 @kernel("void(float64[::1], float64, float64, float64, float64)")
@@ -71,13 +75,13 @@ def _count_turn(c: Float, rad: float, x: float, y: float, z: float) -> None:
 @kernel("void(float64[:, ::1], float64[::1], float64[::1], float64, float64)")
 def _turned(s: Float, c: Float, par: Float, rad: float, dt: float) -> None:
     """Use a block after a turn: learn from it, or find out what contradicts."""
-    white2 = par[K_NOISE] ** 2 / c[C_B_N]
+    white2 = c[C_WHITE2] / c[C_B_N]
     variance = white2 + c[C_PATCH2] * max(1.0, par[K_PATCH_RAD] / rad)
     if c[C_SUSPECT] == 1.0:
         compare(s, c, par, variance, rad, dt)
         return
     y2, known2 = judge(s[0], c)
-    usual, departs2 = usual2(c, par), departure2(s[0], c, rad)
+    usual, departs2 = usual2(c), departure2(s[0], c)
     uneven = departs2 / (usual / 3.0 + doubt2(s[0]))
     s[0, F_E] += min(1.0, rad / LASTING_RAD) * (uneven - s[0, F_E])
     if y2 > GATE * (usual + known2) or uneven > STRENGTH_GATE or s[0, F_E] > LASTING:
@@ -91,15 +95,17 @@ def _turned(s: Float, c: Float, par: Float, rad: float, dt: float) -> None:
     if c[C_BAD_RAD] == 0.0:
         c[C_JUMP2] = 0.0
     correct(s[0], c, variance, 0, N)
-    _learn_patch(s[0], c, par, departs2, rad)
+    remember_strength(c, rad)
+    learn_unevenness(s[0], c, par)
 
 
 @kernel("void(float64[:, ::1], float64[::1], float64[::1], int64)")
 def _rested(s: Float, c: Float, par: Float, filters: int) -> None:
     """Use a still block: the gyro tells its bias, the field is followed wherever it goes, the offset is not touched."""
-    variance = par[K_NOISE] ** 2 / c[C_B_N]
+    variance = c[C_WHITE2] / c[C_B_N]
+    _learn_white(c, par)
     y2, known2 = judge(s[0], c)
-    if y2 > GATE * (usual2(c, par) + known2):
+    if y2 > GATE * (usual2(c) + known2):
         suspect(s, c, y2)
         filters = 2
     for h in range(filters):

@@ -13,8 +13,6 @@ from typing import Final
 from server.nav.calibration.learning_filter import correct, judge, widen
 from server.nav.calibration.learning_layout import (
     C_B_N,
-    C_B_RM,
-    C_B_Z,
     C_CHANGES,
     C_JUMP2,
     C_PATCH2,
@@ -27,26 +25,24 @@ from server.nav.calibration.learning_layout import (
     C_TRY_RAD,
     C_TRY_S,
     C_TURNED,
+    C_WHITE2,
     F_E,
     F_E_ALL,
     F_E_RAD,
     F_E_S,
     F_P,
-    F_S,
-    F_S_RAD,
     F_SIZE,
     F_X,
     FIELD,
-    K_NOISE,
     K_PATCH_MAX,
     OFFSET,
     N,
 )
+from server.nav.calibration.learning_strength import departure2, forget_strength, remember_strength
 from server.nav.kernel import kernel
 from server.nav.types import Float
 
 WORSE: Final = 1.5  # a place that stays uneven is taken for what it is, slowly
-MEMORY_RAD: Final = 20.0  # over which the unevenness is averaged
 AGREE: Final = 2.0  # innovation² over an undisturbed one's, to be believed …
 AGREE_RAD: Final = 2.0  # … over so much turning …
 AGREE_S: Final = 2.0  # … and so long
@@ -62,10 +58,10 @@ TRY_FACTOR: Final = 3.0  # an offset that has not explained the readings after t
 CHANGE_SIGMA: Final = 4.0  # an offset moved by more than this is a change worth counting
 
 
-@kernel("float64(float64[::1], float64[::1])")
-def usual2(c: Float, par: Float) -> float:
+@kernel("float64(float64[::1])")
+def usual2(c: Float) -> float:
     """Return |innovation|² that sensor and place have when nothing disturbs."""
-    return float(3.0 * (c[C_PATCH2] + par[K_NOISE] ** 2 / c[C_B_N]))
+    return float(3.0 * (c[C_PATCH2] + c[C_WHITE2] / c[C_B_N]))
 
 
 @kernel("float64(float64[::1])")
@@ -73,21 +69,6 @@ def doubt2(s: Float) -> float:
     """Return the offset's mean variance."""
     e = F_P + (N + 1) * OFFSET
     return float((s[e] + s[e + N + 1] + s[e + 2 * N + 2]) / 3.0)
-
-
-@kernel("float64(float64[::1], float64[::1], float64)")
-def departure2(s: Float, c: Float, rad: float) -> float:
-    """Return (|m − b| − its mean)² and follow the mean: S0's pair (3.21) over all readings so far, gauss²."""
-    size2 = 0.0
-    for i in range(3):
-        e = c[C_B_Z + i]
-        for j in range(3):
-            e -= c[C_B_RM + 3 * i + j] * s[F_X + OFFSET + j]
-        size2 += (e / c[C_B_N]) ** 2
-    s[F_S_RAD] += rad
-    departs = math.sqrt(size2) - s[F_S] if s[F_S_RAD] > rad else 0.0
-    s[F_S] = math.sqrt(size2) if s[F_S_RAD] <= rad else s[F_S] + max(rad / MEMORY_RAD, rad / s[F_S_RAD]) * departs
-    return departs**2
 
 
 @kernel("void(float64[:, ::1], float64[::1], float64)")
@@ -98,8 +79,9 @@ def open_second(s: Float, c: Float, jump2: float) -> None:
         s[1, i] = s[0, i]
     widen(s[1], OFFSET, jump2)
     for h in range(2):
-        s[h, F_E] = s[h, F_E_RAD] = s[h, F_E_S] = s[h, F_S_RAD] = 0.0
+        s[h, F_E] = s[h, F_E_RAD] = s[h, F_E_S] = 0.0
     c[C_TRY_RAD] = c[C_TRY_S] = 0.0
+    forget_strength(c)
 
 
 @kernel("void(float64[:, ::1], float64[::1], float64)")
@@ -158,12 +140,13 @@ def _is_body(s: Float, factor: float) -> bool:
 @kernel("void(float64[:, ::1], float64[::1], float64[::1], float64, float64, float64)")
 def compare(s: Float, c: Float, par: Float, variance: float, rad: float, dt: float) -> None:
     """Ask both filters; decide when one of them explains the readings."""
-    usual = usual2(c, par)
+    usual = usual2(c)
     for h in range(2):
         y2, known2 = judge(s[h], c)
-        uneven = departure2(s[h], c, rad) / (usual / 3.0 + doubt2(s[h]))
+        uneven = departure2(s[h], c) / (usual / 3.0 + doubt2(s[h]))
         _account(s[h], max(y2 / (usual + known2), uneven), usual / 3.0 - doubt2(s[h]), rad, dt)
         correct(s[h], c, variance, OFFSET if h == 1 else FIELD, N)
+    remember_strength(c, rad)
     c[C_TRY_RAD] += rad
     c[C_TRY_S] += dt
     factor = min(2.0 ** (0.5 * c[C_REFUSED]), MOST_PROOF)

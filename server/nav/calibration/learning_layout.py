@@ -31,9 +31,7 @@ F_E: Final = F_K + N  # mean of innovation² over what an undisturbed one has, o
 F_E_RAD: Final = F_E + 1  # rotation that it was taken over, rad
 F_E_S: Final = F_E + 2  # and time, s
 F_E_ALL: Final = F_E + 3  # the same mean over all of that rotation
-F_S: Final = F_E + 4  # mean of |m − b|, gauss
-F_S_RAD: Final = F_S + 1  # rotation that it was taken over, rad
-F_SIZE: Final = F_S + 2
+F_SIZE: Final = F_E + 4
 
 # Shared memory.
 C_Q: Final = 0  # (4) q_ib at the newest step
@@ -49,14 +47,17 @@ C_B_N: Final = 23  # magnetic samples
 C_B_Z: Final = 24  # (3) Σ R m
 C_B_RM: Final = 27  # (9) Σ R
 C_B_W: Final = 36  # (3) Σ R ω
-C_B_SIZE: Final = 30
+C_B_Z2: Final = 39  # Σ |m|²
+C_B_SIZE: Final = 31
 # Between blocks.
-C_A_Q: Final = 39  # (4) q_ib where the offset was last learned from
-C_A_S: Final = 43  # s since
+C_A_Q: Final = 64  # (4) q_ib where the offset was last learned from
+C_A_S: Final = 68  # s since
+C_WHITE2: Final = 69  # white noise of one sample, gauss² per axis, and how many samples told it
+C_WHITE_N: Final = 70
 C_STILL: Final = 44  # 1 = the last block was at rest
 C_STILL_S: Final = 45
 C_PATCH2: Final = 46  # unevenness of the field and of the sensor, gauss² per axis
-C_RESIDUAL2: Final = 47  # mean square of what the strength |m − b| departs from its own mean, gauss²
+C_RESIDUAL2: Final = 47  # what the strength |m − b| varies by under the best of all offsets, gauss²
 C_TURNED: Final = 48  # (6) Σ θ (I − u uᵀ) since the offset changed, rad: xx yy zz xy xz yz
 # Two explanations.
 C_SUSPECT: Final = 54  # 1 = the field contradicts the offset
@@ -69,7 +70,11 @@ C_REFUSED: Final = 60  # constant offsets that failed, and agreements that did n
 C_CHANGES: Final = 61
 C_T_CHANGED: Final = 62
 C_T_TRUSTED: Final = 63  # end of the last contradiction, ns
-C_RING: Final = 64  # (RING, 5) end of step ns, q_ib
+C_U: Final = 71  # (4) mean of (R̄ᵀ z, |z|²), `learning_strength`
+C_U_P: Final = C_U + 4  # (4, 4) and its covariance
+C_U_RAD: Final = C_U_P + 16  # turning that they were taken over, bounded, rad
+C_U_SIZE: Final = 21
+C_RING: Final = C_U + C_U_SIZE  # (RING, 5) end of step ns, q_ib
 RING: Final = 64
 RING_COLUMNS: Final = 5
 C_HEAD: Final = C_RING + RING * RING_COLUMNS

@@ -18,6 +18,7 @@ from server.nav.calibration.learning_layout import (
     C_B_TURN,
     C_B_W,
     C_B_Z,
+    C_B_Z2,
     C_HEAD,
     C_PATCH2,
     C_Q,
@@ -116,6 +117,7 @@ def _take(m: Float, c: Float, t_ns: float) -> bool:
         c[C_B_W + i] += R[3 * i] * w[0] + R[3 * i + 1] * w[1] + R[3 * i + 2] * w[2]
     for i in range(9):
         c[C_B_RM + i] += R[i]
+    c[C_B_Z2] += m[0] * m[0] + m[1] * m[1] + m[2] * m[2]
     c[C_B_N] += 1.0
     return True
 

@@ -89,6 +89,7 @@ class MagLearner:
         self._c[at.C_Q] = self._c[at.C_A_Q] = 1.0
         self._c[at.C_T] = self._c[at.C_T_CHANGED] = self._c[at.C_T_TRUSTED] = at.NEVER_NS
         self._c[at.C_PATCH2] = self._c[at.C_RESIDUAL2] = self._par[at.K_PATCH] ** 2
+        self._c[at.C_WHITE2] = self._par[at.K_NOISE] ** 2
         self._c[at.C_RING : at.C_HEAD : at.RING_COLUMNS] = at.NEVER_NS
 
     def step(self, steps: Float, meas: Float) -> None:

@@ -12,6 +12,7 @@ from server.nav.types import Float, Int, Kind
 BATCH_S: Final = 0.5  # means of half a second: noise is gone, wind and lifts are not
 GAP_S: Final = 2.0  # barometers send once a second, or repeat
 TEMPERATURE: Final = 2
+COLUMNS: Final = 3
 CAPACITY: Final = 200_000  # samples kept; the oldest go
 
 
@@ -21,27 +22,51 @@ class Steady:
     def __init__(self, kind: Kind) -> None:
         """Start empty."""
         self._kind = kind
-        self._t = np.empty(0, dtype=np.int64)
-        self._rows = np.empty((0, 3))
+        self._t_room = np.empty(64, dtype=np.int64)
+        self._rows_room = np.empty((64, COLUMNS))
+        self._used = 0
         self.restarts = 0
         self.fed = 0
+
+    @property
+    def _t(self) -> Int:
+        return self._t_room[max(self._used - CAPACITY, 0) : self._used]
+
+    @property
+    def _rows(self) -> Float:
+        return self._rows_room[max(self._used - CAPACITY, 0) : self._used]
 
     def feed(self, kind: Kind, t_ns: Int, rows: Float) -> None:
         """Take samples; what lies before a hole or a step back is thrown away. Repeats are dropped."""
         if kind != self._kind or not len(t_ns):
             return
         self.fed += len(t_ns)
-        t = np.concatenate([self._t, t_ns])
-        data = np.concatenate([self._rows, rows[:, :3]])
+        data = rows[:, :COLUMNS]
         ok = np.isfinite(data[:, :2]).any(axis=1) & ~np.isinf(data[:, :2]).any(axis=1)
-        t, data = t[ok], data[ok]
-        steps = np.diff(t)
-        fresh = np.concatenate([[True], steps != 0])[: len(t)]
+        t, data = t_ns[ok], data[ok]
+        if not len(t):
+            return
+        steps = np.diff(t, prepend=self._t_room[self._used - 1] if self._used else t[0] - 1)
         breaks = np.flatnonzero((steps < 0) | (steps > GAP_S * 1e9))
         if len(breaks):
             self.restarts += len(breaks)
-            fresh[: breaks[-1] + 1] = False
-        self._t, self._rows = t[fresh][-CAPACITY:], data[fresh][-CAPACITY:]
+            self._used = 0
+            t, data, steps = t[breaks[-1] :], data[breaks[-1] :], steps[breaks[-1] :]
+        self._append(t[steps != 0], data[steps != 0])
+
+    def _append(self, t: Int, data: Float) -> None:
+        """Keep the samples; the room doubles up to twice the capacity, then the oldest go."""
+        if self._used + len(t) > len(self._t_room):
+            keep = min(self._used, CAPACITY)
+            room = max(2 * keep, keep + len(t), 64)
+            old, self._t_room = self._t_room, np.empty(room, dtype=np.int64)
+            old_rows, self._rows_room = self._rows_room, np.empty((room, COLUMNS))
+            self._t_room[:keep] = old[self._used - keep : self._used]
+            self._rows_room[:keep] = old_rows[self._used - keep : self._used]
+            self._used = keep
+        self._t_room[self._used : self._used + len(t)] = t
+        self._rows_room[self._used : self._used + len(t)] = data
+        self._used += len(t)
 
     @property
     def span_s(self) -> float:

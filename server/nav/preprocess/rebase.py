@@ -44,6 +44,11 @@ class Rebase:
     is_level_changed: bool
     keeps_learning: bool
 
+    @property
+    def turns_vectors(self) -> bool:
+        """True when a vector sensor reads otherwise from now on."""
+        return any(d.any() or not np.array_equal(A, np.eye(3)) for A, d in (self.gyro, self.accel, self.mag))
+
     def by_sensor(self) -> dict[int, Affine]:
         """Return the sensors' numbers in the chain with (A, d), d of shape (1,) and A (1, 1) for a number."""
         one = np.ones((1, 1))
