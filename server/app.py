@@ -60,7 +60,9 @@ class Service:
         self.live = Live(self.boards, self.calibrations.stream_text)
         self.metrics = Metrics(self.boards, lambda: self.live.clients, lambda: self.live.lost)
         self.boards.on_removed.append(self.metrics.forget)
-        self.view3d = View3D(lambda: tuple(self.boards), lambda _board_id: vehicle_class(settings))
+        self.view3d = View3D(
+            lambda: tuple(self.boards), lambda _board_id: vehicle_class(settings), scene_of=self.calibrations.scene
+        )
         keyring = Keyring(_secret(settings, "token"), _secret(settings, "viewer_token"))
         self.context = Context(
             version=version(),
