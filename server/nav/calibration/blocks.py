@@ -218,6 +218,20 @@ class BlockTable:
         """Samples of the open block."""
         return int(self._head[H_OPEN])
 
+    def resolution(self, at: int, largest: float) -> float:
+        """Return the step of the sensor that begins at channel `at`; 0 when it is too fine to show, or never moved.
+
+        Args:
+            at: 0 gyro, 3 accelerometer.
+            largest: what a step may be; two poses without noise differ by much more than one.
+        """
+        step = float(self.quantum[at : at + 3].min())
+        ends = self.rows[:, [*range(B_MIN + at, B_MIN + at + 3), *range(B_MAX + at, B_MAX + at + 3)]]
+        if step <= largest:
+            return step
+        whole = len(ends) > 0 and bool((np.abs(ends[np.isfinite(ends)] % 1.0) == 0.0).all())
+        return 1.0 if whole and largest >= 1.0 else 0.0
+
     @property
     def quantum(self) -> Float:
         """The smallest step between two samples of each channel, shape (6,); infinite when it never moved."""

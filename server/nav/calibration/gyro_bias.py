@@ -10,7 +10,7 @@ import numpy as np
 from server.nav.calibration import grades
 from server.nav.calibration.blocks import B_MEAN, B_N, B_T0, B_T1, B_TEMPERATURE, B_VAR, BlockTable
 from server.nav.calibration.codes import failure
-from server.nav.calibration.statistics import mean_sigma, weighted_mean
+from server.nav.calibration.statistics import mean_sigma, weighted_mean, with_resolution
 from server.nav.calibration.stillness import Scale, StillLimits, scale_of_counts, still_runs
 from server.nav.calibration.types import NAN, CalKind, Check, Failure, Fit, Grade, Options, Progress, Residual, Value
 from server.nav.types import Float, Int, Kind
@@ -22,6 +22,8 @@ LEAST_S: Final = 1.0  # a shorter rest between two moves is no rest
 RESTART_S: Final = 0.5  # what was collected for so long and then thrown away is a restart
 ALMOST_ALL: Final = 0.9  # of the samples: a short recording of nothing but rest
 DURATION_S: Final = 5.0
+LARGEST_STEP_RAD_S: Final = 0.02  # ±2000 °/s in 12 bits; coarser than that is two values, not a resolution
+LARGEST_STEP_COUNTS: Final = 16.0
 BLOCK_SAMPLES: Final = 10
 BLOCK_S: Final = 0.02
 BATCHES: Final = 10
@@ -139,7 +141,9 @@ class GyroBias:
             return Fit(kind=KIND, failure=why, samples=self._table.samples)
         rates, n = rest[:, B_MEAN : B_MEAN + 3], rest[:, B_N]
         bias = weighted_mean(rates, n)
-        sigma = mean_sigma(rates, rest[:, B_VAR : B_VAR + 3], n)
+        std = np.sqrt(weighted_mean(rest[:, B_VAR : B_VAR + 3], n))
+        step = self._table.resolution(0, LARGEST_STEP_RAD_S if self._options.unit == "si" else LARGEST_STEP_COUNTS)
+        sigma = with_resolution(mean_sigma(rates, rest[:, B_VAR : B_VAR + 3], n), std, step)
         batches = _batches(rates, n)
         unit = "rad/s" if self._options.unit == "si" else "counts"
         warm = rest[np.isfinite(rest[:, B_TEMPERATURE]), B_TEMPERATURE]

@@ -74,7 +74,9 @@ C_U: Final = 71  # (4) mean of (R̄ᵀ z, |z|²), `learning_strength`
 C_U_P: Final = C_U + 4  # (4, 4) and its covariance
 C_U_RAD: Final = C_U_P + 16  # turning that they were taken over, bounded, rad
 C_U_SIZE: Final = 21
-C_RING: Final = C_U + C_U_SIZE  # (RING, 5) end of step ns, q_ib
+C_P: Final = C_U + C_U_SIZE  # (3) body, mean sample of the block before, and how many samples it has
+C_P_N: Final = C_P + 3
+C_RING: Final = C_P_N + 1  # (RING, 5) end of step ns, q_ib
 RING: Final = 64
 RING_COLUMNS: Final = 5
 C_HEAD: Final = C_RING + RING * RING_COLUMNS
@@ -112,7 +114,7 @@ def default_parameters() -> Float:
     k[K_FIELD_WALK] = 1.5e-3  # 20 mG within a room crossed in some minutes, as in the attitude mode
     k[K_TURN] = 0.03  # 1 to 3 % of scale and misalignment, and turns between samples
     k[K_GYRO_NOISE] = 1e-3
-    k[K_GYRO_SIGMA] = 0.01
+    k[K_GYRO_SIGMA] = 0.03  # 1 to 2 °/s as left by the factory
     k[K_GYRO_WALK] = 1e-4
     k[K_DELAY_SIGMA] = 0.02
     return k

@@ -7,6 +7,7 @@ from typing import Final
 
 from server.nav.calibration.learning_block import TURN_RAD, close_block, turned_since
 from server.nav.calibration.learning_filter import widen
+from server.nav.calibration.learning_strength import reading
 from server.nav.calibration.learning_layout import (
     C_A_Q,
     C_B_DT,
@@ -24,8 +25,11 @@ from server.nav.calibration.learning_layout import (
     C_Q,
     C_RING,
     C_STARTED,
+    C_P,
+    C_P_N,
     C_T,
     C_W,
+    C_WHITE2,
     DELAY,
     F_P,
     F_X,
@@ -51,6 +55,7 @@ BLOCK_S: Final = 0.05  # least length of a block: what a step costs stays small 
 LONGEST_S: Final = 0.5
 GAP_S: Final = 0.2  # a hole through which the rotation is lost
 LARGEST_GAUSS: Final = 16.0  # full scale of common magnetometers
+SAME: Final = 2.5  # standard deviations
 STILL_RAD_S: Final = 0.02  # 1.1 °/s: below it a turn is not told from a drift of the gyro bias
 
 
@@ -162,14 +167,32 @@ def _lost(s: Float, c: Float) -> None:
         c[C_RING + RING_COLUMNS * i] = NEVER_NS
 
 
+@kernel("boolean(float64[::1])")
+def _same_field(c: Float) -> bool:
+    """True when the field in the body is as in the block before; keep it for the next."""
+    n, p = c[C_B_N], reading(c)
+    before = c[C_P_N]
+    limit = SAME * math.sqrt(3.0 * c[C_WHITE2] * (1.0 / n + 1.0 / max(before, 1.0)))
+    limit += STILL_RAD_S * c[C_B_DT] * math.sqrt(p[3])
+    change2 = (p[0] - c[C_P]) ** 2 + (p[1] - c[C_P + 1]) ** 2 + (p[2] - c[C_P + 2]) ** 2
+    c[C_P], c[C_P + 1], c[C_P + 2], c[C_P_N] = p[0], p[1], p[2], n
+    return before == 0.0 or change2 < limit * limit
+
+
 @kernel("boolean(float64[::1], float64[:, ::1])")
 def _still(c: Float, s: Float) -> bool:
-    """True when the block turned by less than a slow drift once the gyro bias is taken off."""
+    """True when the block did not turn.
+
+    By less than a slow drift once the gyro bias is taken off; by as much as the bias may still be, when the field says
+    so too.
+    """
+    same = _same_field(c) if c[C_B_N] > 0.0 else True
     rate2 = doubt2 = 0.0
     for i in range(3):
         rate2 += (c[C_B_TURN + i] / c[C_B_DT] - s[0, F_X + GYRO + i]) ** 2
         doubt2 = max(doubt2, s[0, F_P + (N + 1) * (GYRO + i)])
-    return bool(math.sqrt(rate2) < STILL_RAD_S + 2.0 * math.sqrt(doubt2))
+    rate = math.sqrt(rate2)
+    return rate < STILL_RAD_S or (same and rate < STILL_RAD_S + 2.0 * math.sqrt(doubt2))
 
 
 @kernel("void(float64[:, ::1], float64[:, ::1], float64[::1], float64[:, ::1], float64[::1])")

@@ -39,8 +39,8 @@ RIDGE2: Final = 1e-6  # gauss²: directions in which the readings hardly differ 
 
 
 @kernel("UniTuple(float64, 4)(float64[::1])")
-def _reading(c: Float) -> tuple[float, float, float, float]:
-    """Return (p, y) of the open block."""
+def reading(c: Float) -> tuple[float, float, float, float]:
+    """Return (p, y) of the open block: its mean sample in the body, and |mean in frame i|²."""
     n = c[C_B_N]
     z0, z1, z2 = c[C_B_Z] / n, c[C_B_Z + 1] / n, c[C_B_Z + 2] / n
     p0 = (c[C_B_RM] * z0 + c[C_B_RM + 3] * z1 + c[C_B_RM + 6] * z2) / n
@@ -54,7 +54,7 @@ def departure2(s: Float, c: Float) -> float:
     """Return (strength without the filter's offset − its RMS over what is remembered)², gauss²; 0 before that."""
     if c[C_U_RAD] == 0.0:
         return 0.0
-    p0, p1, p2, y = _reading(c)
+    p0, p1, p2, y = reading(c)
     b0, b1, b2 = s[F_X + OFFSET], s[F_X + OFFSET + 1], s[F_X + OFFSET + 2]
     own2 = b0 * b0 + b1 * b1 + b2 * b2
     now2 = y - 2.0 * (b0 * p0 + b1 * p1 + b2 * p2) + own2
@@ -72,7 +72,7 @@ def forget_strength(c: Float) -> None:
 @kernel("void(float64[::1], float64)")
 def remember_strength(c: Float, rad: float) -> None:
     """Add the open block after a turn of `rad`: running mean (4) and covariance (4, 4) of (p, y)."""
-    x = _reading(c)
+    x = reading(c)
     c[C_U_RAD] = min(c[C_U_RAD] + rad, MEMORY_RAD)
     blend = min(1.0, rad / c[C_U_RAD])
     keep = 1.0 - blend

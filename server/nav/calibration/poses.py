@@ -23,7 +23,7 @@ from server.nav.calibration.blocks import (
     B_VAR,
     BlockTable,
 )
-from server.nav.calibration.statistics import mean_sigma, weighted_mean
+from server.nav.calibration.statistics import mean_sigma, weighted_mean, with_resolution
 from server.nav.calibration.stillness import Scale, StillLimits, block_std, scale_of_counts, still_runs
 from server.nav.calibration.types import Options
 from server.nav.types import Float, Int, Kind
@@ -33,6 +33,7 @@ BLOCK_SAMPLES: Final = 4
 SAME_POSE: Final = 0.02  # of g: neighbours that near (1.1°) are one pose with a bump in it
 STIRRED: Final = 2.5  # times the median: an eighth of a percent of white noise in three axes of four samples
 SATURATED_SHARE: Final = 0.3
+LARGEST_STEP: Final = 0.02  # of g: ±2 g in 8 bits
 SATURATED_SAMPLES: Final = 12
 CLIPPED_STD: Final = 0.65  # half a normal distribution at a stop keeps 0.58 of its scatter
 OPEN_BLOCKS: Final = 3
@@ -96,6 +97,11 @@ def pose_of(blocks: Float) -> Pose:
         first=int(blocks[0, B_FIRST]),
         temperature_degc=float(warm.mean()) if warm.size else float("nan"),
     )
+
+
+def _rounded(pose: Pose, step: float) -> Pose:
+    """Return the pose with the rounding of the sensor in its 1σ."""
+    return replace(pose, sigma=with_resolution(pose.sigma, pose.std, step))
 
 
 def with_common_noise(poses: Sequence[Pose]) -> list[Pose]:
@@ -176,10 +182,12 @@ class PoseCollector:
             table.flush()
             if len(table.rows):
                 tables.append(table.rows)
-        self._given = with_common_noise([pose_of(blocks) for blocks in tables])
         self._stir = max((stir_of(blocks) for blocks in tables), default=0.0)
         self._table.feed(t_ns, rows)
         self._table.flush()
+        self._given = with_common_noise([pose_of(blocks) for blocks in tables])
+        step = self._table.resolution(3, LARGEST_STEP * self.scale.accel)
+        self._given = [_rounded(pose, step) for pose in self._given]
 
     def _current(self) -> tuple[int, list[Pose], Scale]:
         blocks = self._table.rows
@@ -188,7 +196,8 @@ class PoseCollector:
             if self._options.unit == "raw":
                 scale = scale_of_counts(blocks) if len(blocks) else Scale(accel=0.0, gyro=0.0, is_found=True)
             runs = still_runs(blocks, self._limits, scale)
-            poses = [pose_of(inner) for inner in _inner(blocks, runs, SAME_POSE * scale.accel)]
+            step = self._table.resolution(3, LARGEST_STEP * scale.accel)
+            poses = [_rounded(pose_of(inner), step) for inner in _inner(blocks, runs, SAME_POSE * scale.accel)]
             self._known = (len(blocks), poses, scale)
         return self._known
 

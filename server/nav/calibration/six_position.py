@@ -17,7 +17,7 @@ from server.nav.calibration.accel_common import (
     residual_before,
     temperature_of,
 )
-from server.nav.calibration.accel_faces import face_frame, faces_of, nearest_face
+from server.nav.calibration.accel_faces import face_frame, faces_of, nearest_face, turned_faces
 from server.nav.calibration.accel_fit import REFERENCES, AccelFit, closed_form, fit_faces
 from server.nav.calibration.blocks import B_MEAN
 from server.nav.calibration.codes import failure
@@ -57,7 +57,11 @@ class SixPosition:
         if not poses:
             return [], []
         means = means_of(poses)
-        return poses, faces_of(means, *face_frame(means, self._poses.scale.accel, self._options.unit))
+        frame = face_frame(means, self._poses.scale.accel, self._options.unit)
+        faces = faces_of(means, *frame)
+        if len(poses) >= 6 and len({*faces} - {-1}) < 6:
+            faces = turned_faces(means, *frame) or faces
+        return poses, faces
 
     def progress(self) -> Progress:
         """Return how far it is (`types.Collector`)."""
@@ -166,7 +170,7 @@ def _move(samples: int, missing: list[str], now: str, still_s: float) -> tuple[s
 def _bad_fit(after: float, found: AccelFit, options: Options) -> Failure | None:
     if after > grades.RESIDUAL_MAX_M_S2:
         return failure("residual", after, grades.RESIDUAL_MAX_M_S2, "m/s²")
-    scale = np.diag(found.matrix)
+    scale = np.linalg.svd(found.matrix, compute_uv=False)
     if options.unit == "si" and not (np.all(scale > grades.GRAVITY_LOW) and np.all(scale < grades.GRAVITY_HIGH)):
         worst = float(scale[np.argmax(np.abs(scale - 1.0))])
         return failure("gravity", worst, grades.GRAVITY_HIGH if worst > 1.0 else grades.GRAVITY_LOW)

@@ -9,6 +9,7 @@ import numpy as np
 
 from server.nav.types import Float
 
+DITHER: Final = 0.5  # of a step: noise of half a step makes the mean of rounded values right
 LEAST_BATCHES: Final = 4  # below, the scatter of batch means says nothing
 
 
@@ -53,6 +54,15 @@ def _inflation(away: Float) -> float:
             break
         total += 2.0 * rho
     return total
+
+
+def with_resolution(sigma: Float, std: Float, step: float) -> Float:
+    """Return 1σ of a mean with what rounding to steps adds where the noise is too small to dither it (step / √12).
+
+    Args:
+        sigma: 1σ of the mean; `std` scatter of the samples, same shape; `step`: the sensor's resolution, 0 unknown.
+    """
+    return np.where(std < DITHER * step, np.hypot(sigma, step / math.sqrt(12.0)), sigma)
 
 
 def rms(values: Float) -> float:

@@ -85,6 +85,8 @@ class _Zero:
 
     @property
     def _unit_sign(self) -> str:
+        if self._options.unit == "raw" and self.unit == "pa":
+            return "counts"
         return {"pa": "Pa", "m": "m"}[self.unit]
 
     def fit(self) -> Fit:

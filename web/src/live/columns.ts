@@ -116,6 +116,23 @@ export const SAMPLE_COLUMNS = {
 
 export type SensorKind = keyof typeof SAMPLE_COLUMNS;
 
+/** Stages of a sensor's preprocessing, in order. */
+export const STAGES = ["calibrated", "limited", "filtered"] as const;
+export type Stage = (typeof STAGES)[number];
+
+function stages(unit: string, axes: readonly string[]): readonly string[] {
+  return STAGES.flatMap((stage) => axes.map((axis) => `${stage}${axis}_${unit}`));
+}
+
+export const STAGE_COLUMNS = {
+  gyro: stages("rad_s", ["_x", "_y", "_z"]),
+  accel: stages("m_s2", ["_x", "_y", "_z"]),
+  mag: stages("gauss", ["_x", "_y", "_z"]),
+  baro: stages("m", [""]),
+  airspeed: [...stages("pa", [""]), "airspeed_m_s"],
+} as const;
+export type ChainSensor = keyof typeof STAGE_COLUMNS;
+
 /** `LaneStatus` of the server, by value. */
 export const LANE_STATUS = ["aligning", "attitude", "navigating", "dead_reckoning", "failed"] as const;
 export type LaneStatus = (typeof LANE_STATUS)[number];

@@ -127,6 +127,8 @@ export interface Offers {
   readonly verify: boolean;
   readonly apply: boolean;
   readonly again: boolean;
+  /** Forget a result that was not applied. */
+  readonly discard: boolean;
 }
 
 export function offersOf(job: JobOut): Offers {
@@ -138,6 +140,7 @@ export function offersOf(job: JobOut): Offers {
     verify: fitted || job.state === "applied",
     apply: fitted && !job.dry_run,
     again: fitted || job.state === "applied" || job.state === "refused" || job.state === "cancelled",
+    discard: fitted,
   };
 }
 

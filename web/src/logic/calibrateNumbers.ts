@@ -96,7 +96,7 @@ function levelRows(r: readonly (readonly number[])[], s: readonly (readonly numb
   }));
 }
 
-/** Rows of a new calibration beside the same of the present one; crossing terms only where one side has some. */
+/** Rows of a new calibration beside the same of the present one; crossing terms and yaw only where one side has some. */
 export interface PairRow extends NumberRow {
   readonly before: number;
 }
@@ -112,7 +112,9 @@ export function pairRows(
   );
   return numberRows(sensor, now, sigma)
     .map((row) => ({ ...row, before: old.get(`${row.name}${row.axis}`) ?? NaN }))
-    .filter((row) => row.name !== "cross" || nonzero(row.value) || nonzero(row.before));
+    .filter(
+      (row) => (row.name !== "cross" && row.name !== "yaw") || nonzero(row.value) || nonzero(row.before),
+    );
 }
 
 function nonzero(value: number): boolean {
@@ -121,7 +123,7 @@ function nonzero(value: number): boolean {
 
 /** Decimals of a calibration's numbers: enough to see a change that matters, no more. */
 export function decimalsOf(unit: string): number {
-  return { "°/s": 3, "m/s²": 3, "µT": 2, "°": 2, Pa: 1, m: 2 }[unit] ?? 4;
+  return { "°/s": 3, "m/s²": 3, "µT": 2, "°": 3, Pa: 1, m: 2 }[unit] ?? 4;
 }
 
 export function written(value: number, unit: string): string {

@@ -58,5 +58,5 @@ export function isChanged({ value, default: own }: ParameterOut): boolean {
 
 /** Settings that are a yes or a no, told to the service as 1 and 0. */
 export function isSwitch({ unit, minimum, maximum, meaning }: ParameterOut): boolean {
-  return unit === "" && minimum === 0 && maximum === 1 && meaning.startsWith("Past 0.5");
+  return unit === "" && minimum === 0 && maximum === 1 && /^(Past 0\.5|1: )/.test(meaning);
 }

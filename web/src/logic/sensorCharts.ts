@@ -1,5 +1,5 @@
-import type { SensorKind } from "../live/columns";
-import { signalsOfBoard, type Signal } from "./signals";
+import { STAGES, type ChainSensor, type SensorKind } from "../live/columns";
+import { signalsOfBoard, stageSignals, type Signal } from "./signals";
 
 /** One small plot of a sensor: its filtered column (if the engine makes one) in front of the raw one. */
 export interface SensorChart {
@@ -27,7 +27,10 @@ export const SENSOR_CHARTS: Readonly<Partial<Record<SensorKind, readonly SensorC
     { name: "alt_m", filtered: "", raw: "alt_m" },
     { name: "h_acc_m", filtered: "", raw: "h_acc_m" },
   ],
-  airspeed: [{ name: "tas_m_s", filtered: "airspeed_m_s", raw: "tas_m_s" }],
+  airspeed: [
+    { name: "tas_m_s", filtered: "airspeed_m_s", raw: "tas_m_s" },
+    { name: "diff_pressure_pa", filtered: "", raw: "diff_pressure_pa" },
+  ],
 };
 
 const byId = new Map(signalsOfBoard([]).map((signal) => [signal.id, signal]));
@@ -46,4 +49,23 @@ export function sensorSignals(
       : raw;
   if (!scaled) throw new Error(`no raw signal for ${kind} ${chart.raw}`);
   return filtered ? [filtered, scaled] : [scaled];
+}
+
+/** Chain that a raw column runs through, and what its stages are called there. */
+const STAGED: Readonly<Record<string, readonly [ChainSensor, string]>> = {
+  altitude_m: ["baro", "m"],
+  diff_pressure_pa: ["airspeed", "pa"],
+};
+
+export function chainOf({ raw }: SensorChart): ChainSensor | null {
+  return STAGED[raw]?.[0] ?? (/^(gyro|accel|mag)_[xyz]_/.exec(raw)?.[1] as ChainSensor | undefined) ?? null;
+}
+
+/** Stages of a chart's quantity, last first; [] where no chain touches it. */
+export function chartStages(chart: SensorChart): readonly Signal[] {
+  const sensor = chainOf(chart);
+  if (!sensor) return [];
+  const rest = STAGED[chart.raw]?.[1] ?? chart.raw.slice(sensor.length + 1);
+  const all = new Map(stageSignals(sensor).map((signal) => [signal.wireName, signal]));
+  return [...STAGES].reverse().flatMap((stage) => all.get(`${stage}_${rest}`) ?? []);
 }

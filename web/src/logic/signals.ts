@@ -1,9 +1,17 @@
-import { AID_COLUMNS, AIDS, LANE_COLUMNS, SAMPLE_COLUMNS, STEP_COLUMNS } from "../live/columns";
+import {
+  AID_COLUMNS,
+  AIDS,
+  LANE_COLUMNS,
+  SAMPLE_COLUMNS,
+  STAGE_COLUMNS,
+  STEP_COLUMNS,
+  type ChainSensor,
+} from "../live/columns";
 import type { Ring } from "../live/ring";
 import { DEG, eulerFromQuat } from "./angles";
 import { shown } from "./units";
 
-export type SignalGroup = "lane" | "filtered" | "raw" | "aids";
+export type SignalGroup = "lane" | "filtered" | "raw" | "stages" | "aids";
 
 /** One curve a person may pick. Its identity is board-independent, so that a choice survives a change of board. */
 export interface Signal {
@@ -113,6 +121,12 @@ export function laneSignal(lane: string, wireName: string, against?: string): Si
   if (!found) throw new Error(`lanes have no ${wireName}`);
   if (against === undefined) return found;
   return { ...found, id: `${found.id}-${against}`, against: `lanes/${against}` };
+}
+
+/** Every stage of a sensor's preprocessing. */
+export function stageSignals(sensor: ChainSensor): Signal[] {
+  const columns = STAGE_COLUMNS[sensor];
+  return signalsOf({ group: "stages", source: sensor, topic: `stages/${sensor}`, columns, derived: [] });
 }
 
 /** Columns of an aid worth a curve; the rest of its record is shown in tables. */

@@ -39,7 +39,7 @@ function quantity(value: number | null, unit: string): string {
 }
 
 /** Reasons whose limit is a least; of all others the limit is a most. */
-const LEAST = new Set(["too-few-samples", "too-few-poses", "pose-missing", "coverage-poor", "not-turned", "motion"]);
+const LEAST = new Set(["too-few-samples", "too-few-poses", "pose-missing", "coverage-poor", "coverage-planar", "not-turned", "motion"]);
 
 /** Why nothing was fitted: what happened and what to do, and the number that was too bad. */
 export function failureText({ code, advice, measured, limit, unit }: FailureOut): { text: string; numbers: string } {

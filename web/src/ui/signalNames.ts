@@ -5,6 +5,8 @@ import { aidName, laneName, sensorName } from "./names";
 export function quantityName(signal: Signal): string {
   const aidComponent = /^innovation_(\d)$/.exec(signal.wireName);
   if (aidComponent) return `${t("q.innovation")} ${Number(aidComponent[1]) + 1}`;
+  const [stage = ""] = signal.quantity.split("_");
+  if (signal.group === "stages") return tMaybe(`chain.stage.${stage}`) ?? signal.wireName;
   return tMaybe(`q.${signal.quantity}`) ?? signal.wireName;
 }
 
@@ -12,6 +14,7 @@ export function sourceName(signal: Signal): string {
   if (signal.group === "lane") return laneName(signal.source);
   if (signal.group === "filtered") return t("sensors.filtered");
   if (signal.group === "raw") return `${sensorName(signal.source)}, ${t("sensors.raw")}`;
+  if (signal.group === "stages") return tMaybe(`chain.sensor.${signal.source}`) ?? signal.source;
   return aidName(signal.source);
 }
 
