@@ -8,14 +8,15 @@ import logging
 import sys
 from collections.abc import Callable
 from pathlib import Path
-from typing import Annotated, Any, Final, NoReturn, cast
+from typing import Annotated, Any, Final
 
 import typer
 
-BAD_INPUT: Final = 2
+from server.cli_calibrate import calibrate
+from server.cli_output import refuse, say
+
 COMMANDS: Final = ("serve", "ports", "emulate", "replay", "compare", "doctor", "montecarlo", "calibrate")
 GLOBAL_FLAGS: Final = ("--help", "--version")
-_NAN: Final = float("nan")
 MARKS: Final = {"ok": "ok     ", "caution": "caution", "problem": "PROBLEM"}
 
 app = typer.Typer(
@@ -32,18 +33,6 @@ def main() -> None:
     if not args or (args[0].startswith("-") and args[0] not in GLOBAL_FLAGS):
         args = ["serve", *args]
     app(args, prog_name="navdeck")
-
-
-def say(text: str) -> None:
-    """Write to standard output, which is what the command was asked for."""
-    sys.stdout.write(text + "\n")
-    sys.stdout.flush()
-
-
-def refuse(text: str, status: int = BAD_INPUT) -> NoReturn:
-    """Say why not on standard error, and end."""
-    sys.stderr.write(f"navdeck: {text}\n")
-    raise typer.Exit(status)
 
 
 def _show_version(asked: bool) -> None:
@@ -191,6 +180,17 @@ def replay(
     lane_values: Annotated[
         list[str] | None, typer.Option("--set", metavar="LANE.PARAMETER=VALUE", help="a number of an estimator")
     ] = None,
+    preprocess: Annotated[
+        list[str] | None,
+        typer.Option(metavar="SENSOR.PARAMETER=VALUE", help="units, mounting or filter of a sensor (repeatable)"),
+    ] = None,
+    calibration: Annotated[
+        list[Path] | None,
+        typer.Option(metavar="FILE", help="navdeck's JSON, in force from the first sample (repeatable)"),
+    ] = None,
+    mag_learning: Annotated[
+        str | None, typer.Option(metavar="run|apply", help="learn the magnetic offset; apply = take it off too")
+    ] = None,
     overwrite: Annotated[bool, typer.Option("--overwrite", help="write into a folder that holds other files")] = False,
     quiet: Annotated[bool, typer.Option("--quiet", help="no progress bar, no report")] = False,
 ) -> None:
@@ -206,6 +206,9 @@ def replay(
             gnss_outage=tuple(gnss_outage or ()),
             nav_rate_hz=nav_rate_hz,
             lane_values=tuple(lane_values or ()),
+            preprocess=tuple(preprocess or ()),
+            calibrations=tuple(calibration or ()),
+            mag_learning=mag_learning,
             overwrite=overwrite,
             quiet=quiet,
         )
@@ -289,77 +292,7 @@ def montecarlo(
     say(campaign.as_json(found).decode().rstrip() if as_json else campaign.report(found, out))
 
 
-@app.command()
-def calibrate(
-    kind: Annotated[str, typer.Argument(metavar="KIND", help="what to calibrate: mag_ellipsoid, gyro_bias, …")],
-    files: Annotated[list[Path], typer.Argument(metavar="FILE...", help="CSV files (- = stdin), a folder, a .tlog")],
-    unit: Annotated[str, typer.Option(help="si or raw (any unit), for columns that name none")] = "",
-    strength: Annotated[
-        float, typer.Option(help="the field's strength [place's, else the radius becomes 1]", show_default=False)
-    ] = _NAN,
-    gravity: Annotated[
-        float, typer.Option(help="local gravity, m/s² [place's, else 9.80665]", show_default=False)
-    ] = _NAN,
-    axis: Annotated[str, typer.Option(help="of the turntable: x, y or z [the one that turned most]")] = "",
-    turns: Annotated[float, typer.Option(help="whole turns made [nearest whole number]", show_default=False)] = _NAN,
-    rate_hz: Annotated[
-        float, typer.Option(help="samples a second of data without time stamps [100]", show_default=False)
-    ] = _NAN,
-    ranges: Annotated[str, typer.Option(help="samples of the poses: a:b,c:d, JSON, or a JSON file")] = "",
-    parameters: Annotated[int, typer.Option(help="of the ellipsoid: 6 axis-aligned, 9 tilted")] = 9,
-    heading_deg: Annotated[float, typer.Option(help="true heading of the vehicle", show_default=False)] = _NAN,
-    heading_sigma_deg: Annotated[float, typer.Option(help="how well that is known")] = 2.0,
-    lat_deg: Annotated[float, typer.Option(help="place, for field and gravity [the log's]", show_default=False)] = _NAN,
-    lon_deg: Annotated[float, typer.Option(help="place", show_default=False)] = _NAN,
-    alt_m: Annotated[float, typer.Option(help="place [0]", show_default=False)] = _NAN,
-    year: Annotated[
-        float, typer.Option(help="date of the magnetic model, as 2026.9 [its epoch]", show_default=False)
-    ] = _NAN,
-    height_m: Annotated[float, typer.Option(help="what the barometer shall read", show_default=False)] = _NAN,
-    duration_s: Annotated[float, typer.Option(help="how much to use [the kind's own]", show_default=False)] = _NAN,
-    columns: Annotated[str, typer.Option(metavar="A,B,…", help="column names of files without a header")] = "",
-    verify: Annotated[list[Path] | None, typer.Option(metavar="FILE", help="check on fresh data (repeatable)")] = None,
-    applied: Annotated[
-        list[Path] | None,
-        typer.Option(metavar="FILE", help="earlier results to apply first, for level, heading, flight"),
-    ] = None,
-    out: Annotated[Path | None, typer.Option(metavar="FILE", help="write the JSON here too")] = None,
-    as_json: Annotated[bool, typer.Option("--json", help="print JSON instead of a table")] = False,
-) -> None:
-    """Calibrate a sensor from files, as live does it. Exit status: 0 fitted, 3 refused, 2 bad input."""
-    from server.calibrate import command
-    from server.calibrate.errors import CalibrateError
-    from server.calibrate.told import Told, kind_of
-
-    try:
-        told = Told(
-            kind=kind_of(kind),
-            files=tuple(files),
-            unit=cast(Any, unit),
-            strength=strength,
-            gravity_m_s2=gravity,
-            axis=cast(Any, axis),
-            turns=turns,
-            rate_hz=rate_hz,
-            ranges=ranges,
-            parameters=parameters,
-            heading_deg=heading_deg,
-            heading_sigma_deg=heading_sigma_deg,
-            lat_deg=lat_deg,
-            lon_deg=lon_deg,
-            alt_m=alt_m,
-            year=year,
-            height_m=height_m,
-            duration_s=duration_s,
-            columns=tuple(name for name in columns.split(",") if name.strip()),
-            verify=tuple(verify or ()),
-            applied=tuple(applied or ()),
-        )
-        answer = command.run(told, as_json=as_json, out=out)
-    except CalibrateError as error:
-        refuse(str(error))
-    say(answer.text)
-    raise typer.Exit(answer.status)
+app.command()(calibrate)
 
 
 if __name__ == "__main__":

@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Sequence
+from collections.abc import Sequence, Set
 from dataclasses import dataclass
 from pathlib import Path
 
@@ -30,13 +30,13 @@ class Stamped:
     has_stamps: bool
 
 
-def in_order(files: Sequence[Stamped]) -> list[Piece]:
-    """Return the pieces as collectors take them.
+def in_order(files: Sequence[Stamped], wanted: Set[Kind]) -> list[Piece]:
+    """Return the pieces as collectors take them, of the wanted kinds of sample alone.
 
     Files of one kind of sample follow each other. Several kinds are merged by their stamps (an IMU sample after the
     others of its stamp, as in a sensor folder) where the stamps ascend, else file by file.
     """
-    parts_of = _joined(files)
+    parts_of = [{kind: each[kind] for kind in each if kind in wanted} for each in _joined(files)]
     kinds = list(dict.fromkeys(kind for pieces in parts_of for kind in pieces))
     columns = {kind: [pieces[kind] for pieces in parts_of if kind in pieces] for kind in kinds}
     whole = {kind: _concatenated(parts) for kind, parts in columns.items()}

@@ -63,16 +63,9 @@ def read_csvs(paths: Sequence[Path], told: Told) -> Samples:
     _check_needed(files, told)
     if any(file.has_stamps for file in files) and np.isfinite(told.rate_hz):
         notes.append("The files have time stamps; --rate-hz is not used for them.")
-    whole = all(file.has_stamps for file in files)
-    return Samples(pieces=tuple(in_order(_wanted(files, told))), has_stamps=whole, notes=tuple(dict.fromkeys(notes)))
-
-
-def _wanted(files: Sequence[Stamped], told: Told) -> list[Stamped]:
-    """Return the files without the samples that the kind's collector would pass over."""
     kinds = {_KINDS_OF[sensor] for group in NEEDED[told.kind] for sensor in group}
-    return [
-        replace(file, pieces={kind: piece for kind, piece in file.pieces.items() if kind in kinds}) for file in files
-    ]
+    whole = all(file.has_stamps for file in files)
+    return Samples(pieces=tuple(in_order(files, kinds)), has_stamps=whole, notes=tuple(dict.fromkeys(notes)))
 
 
 def _stamped(text: Text, told: Told, counted: dict[Kind, int], notes: list[str]) -> Stamped:

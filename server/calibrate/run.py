@@ -28,6 +28,8 @@ from server.nav.types import Float, Int, Kind, Site
 
 POSE_KINDS: Final = frozenset({CalKind.ACCEL_SIX_POSITION, CalKind.ACCEL_MULTI_POSE})
 SLOW_RATE_HZ: Final = 10.0
+SLOW_STEP_S: Final = 0.08
+UNTIMED: Final = "No time column"
 JUMP_REASONS: Final = frozenset({"gravity", "pose-missing", "poses-alike", "too-few-poses"})
 """Refusals that say more of a table of poses than that it is too short for a stream."""
 TIMELESS: Final = frozenset({CalKind.MAG_ELLIPSOID})
@@ -69,8 +71,11 @@ def calibrate(told: Told) -> Result:
         fit = _fit_ranges(_collector(told.kind, options), pieces, ranges, told)
     else:
         fit = _fit_all(pieces, options, told)
-        if not fit.ok and read.is_untimed and told.kind in POSE_KINDS:
-            fit = _without_clock(fit, pieces, options, told, notes)
+        if not fit.ok and told.kind in POSE_KINDS:
+            if read.is_untimed:
+                fit = _read_slower(fit, pieces, options, told, notes)
+            if not fit.ok and (read.is_untimed or _is_slow(pieces)):
+                fit = _by_jumps(fit, pieces, options, told, notes)
     check = None
     if told.verify and fit.ok:
         fresh = _read(told.verify, told, timed=True)
@@ -93,7 +98,7 @@ def _read(paths: Sequence[Path], told: Told, *, timed: bool) -> _Read:
     samples = read_csvs(paths, told)
     notes = list(samples.notes)
     if not samples.has_stamps and timed and told.kind not in TIMELESS and not math.isfinite(told.rate_hz):
-        notes.append(f"No time column: {DEFAULT_RATE_HZ:g} samples a second are assumed. Give --rate-hz.")
+        notes.append(f"{UNTIMED}: {DEFAULT_RATE_HZ:g} samples a second are assumed. Give --rate-hz.")
     untimed = not samples.has_stamps and not math.isfinite(told.rate_hz)
     return _Read(pieces=samples.pieces, site=None, notes=tuple(notes), is_untimed=untimed)
 
@@ -147,25 +152,41 @@ def _fit_all(pieces: Sequence[Piece], options: Options, told: Told) -> Fit:
     return collector.fit()
 
 
-def _without_clock(refused: Fit, pieces: Sequence[Piece], options: Options, told: Told, notes: list[str]) -> Fit:
-    """Return the fit of samples whose rate nobody told, read slower or row by row; else the refusal as it was."""
+def _read_slower(refused: Fit, pieces: Sequence[Piece], options: Options, told: Told, notes: list[str]) -> Fit:
+    """Return the fit of samples whose rate nobody told, read slower; else the refusal as it was."""
     slower = [replace(piece, t_ns=piece.t_ns * round(DEFAULT_RATE_HZ / SLOW_RATE_HZ)) for piece in pieces]
     fit = _fit_all(slower, options, told)
-    if fit.ok and fit.grade != POOR:  # a guess has to fit well
-        notes[:] = [note for note in notes if not note.startswith("No time column")]
-        notes.append(f"No time column: at {DEFAULT_RATE_HZ:g} samples a second there were too few poses, so")
-        notes[-1] += f" {SLOW_RATE_HZ:g} a second are assumed. Give --rate-hz or --ranges."
-        return fit
+    if not fit.ok or fit.grade == POOR:  # a guess has to fit well
+        return refused
+    notes[:] = [note for note in notes if not note.startswith(UNTIMED)]
+    notes.append(
+        f"{UNTIMED}: at {DEFAULT_RATE_HZ:g} samples a second there were too few poses, so {SLOW_RATE_HZ:g} a second "
+        "are assumed. Give --rate-hz or --ranges."
+    )
+    return fit
+
+
+def _is_slow(pieces: Sequence[Piece]) -> bool:
+    """Return whether samples are so far apart that a pose of a few seconds is a handful."""
+    steps = np.concatenate([np.diff(piece.t_ns) for piece in pieces] or [np.zeros(1)])
+    return len(steps) > 0 and float(np.median(steps)) >= SLOW_STEP_S * 1e9
+
+
+def _by_jumps(refused: Fit, pieces: Sequence[Piece], options: Options, told: Told, notes: list[str]) -> Fit:
+    """Return the fit of what lies between two jumps, each as a pose; else the refusal that says more."""
     rows = np.concatenate([piece.rows for piece in pieces if piece.kind is MAIN_KIND[told.kind]])
     ranges = ranges_by_jumps(rows[:, 3:6])
     if not ranges:
         return refused
     fit = _fit_ranges(_collector(told.kind, options), pieces, ranges, told)
-    if not fit.ok:
-        return refused if fit.failure is None or fit.failure.code not in JUMP_REASONS else fit
-    notes[:] = [note for note in notes if not note.startswith("No time column")]
-    notes.append(f"No time column: what lies between two jumps is taken as one pose, {len(ranges)} of them.")
-    notes[-1] += " Give --ranges."
+    if fit.failure is not None:
+        return fit if fit.failure.code in JUMP_REASONS else refused
+    untimed = any(note.startswith(UNTIMED) for note in notes)
+    notes[:] = [note for note in notes if not note.startswith(UNTIMED)]
+    notes.append(
+        f"{UNTIMED if untimed else 'Few samples a pose'}: what lies between two jumps is taken as one pose, "
+        f"{len(ranges)} of them. Give --ranges."
+    )
     return fit
 
 

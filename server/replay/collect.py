@@ -23,8 +23,10 @@ from server.nav.types import (
     LaneRows,
     SampleBlock,
     Snapshot,
+    StageRows,
     StepResult,
 )
+from server.replay.learning import LearningLog
 
 _FIX_TYPE: Final = SAMPLE_COLUMNS[Kind.GNSS].index("fix_type")
 _FIX_3D: Final = 3.0
@@ -42,6 +44,7 @@ class Boot:
         samples: rows by `Kind`.
         aids: shape (aids, statuses), measurements by what became of them.
         snapshot: the engine's own account at the end.
+        learning: what was learned of the magnetic offset; None when that did not run.
     """
 
     boot_id: int
@@ -53,8 +56,10 @@ class Boot:
     aids: Int = field(default_factory=lambda: np.zeros((len(Aid), len(AidStatus)), dtype=np.int64))
     events: list[Event] = field(default_factory=list)
     snapshot: Snapshot | None = None
+    learning: LearningLog | None = None
     _reference: list[tuple[Int, Float]] = field(default_factory=list)
     _lanes: dict[str, list[LaneRows]] = field(default_factory=dict)
+    _stages: dict[str, list[StageRows]] = field(default_factory=dict)
 
     def add_block(self, block: SampleBlock) -> None:
         """Count what goes in; keep the reference."""
@@ -80,6 +85,8 @@ class Boot:
         """Keep what came out."""
         for rows in result.lanes:
             self._lanes.setdefault(rows.lane, []).append(rows)
+        for stages in result.stages:
+            self._stages.setdefault(stages.sensor, []).append(stages)
         if len(result.aids.t_ns):
             pair = result.aids.data[:, [_AID, _STATUS]].astype(np.int64)
             np.add.at(self.aids, (pair[:, 0], pair[:, 1]), 1)
@@ -95,6 +102,15 @@ class Boot:
         parts = self._lanes.get(name, [])
         if not parts:
             return np.empty(0, dtype=np.int64), np.empty((0, len(LANE_COLUMNS)))
+        return np.concatenate([p.t_ns for p in parts]), np.concatenate([p.data for p in parts])
+
+    def has_stages(self, sensor: str) -> bool:
+        """Return whether any sample of this sensor went through the chain."""
+        return sensor in self._stages
+
+    def stages(self, sensor: str) -> tuple[Int, Float]:
+        """Return every row of a sensor that `has_stages`: stamps, and data as in STAGE_COLUMNS."""
+        parts = self._stages[sensor]
         return np.concatenate([p.t_ns for p in parts]), np.concatenate([p.data for p in parts])
 
     def failure(self, name: str) -> str:

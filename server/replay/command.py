@@ -12,7 +12,14 @@ from rich.console import Console
 from rich.progress import BarColumn, Progress, TaskProgressColumn, TextColumn, TimeElapsedColumn
 
 from server.replay.contract import ErrorsOut, LaneOut, OutageOut, SpreadOut, SummaryOut
-from server.replay.options import lanes_from_text, outage_from_text, values_from_texts
+from server.replay.contract_preprocessing import LearnedOut
+from server.replay.options import (
+    chain_from_texts,
+    lanes_from_text,
+    learning_from_text,
+    outage_from_text,
+    values_from_texts,
+)
 from server.replay.run import replay
 
 _HARMLESS: Final = ("frames_lost_of_others", "filtered_frames", "unknown_messages")
@@ -29,6 +36,9 @@ def replay_command(
     gnss_outage: Sequence[str] = (),
     nav_rate_hz: float | None = None,
     lane_values: Sequence[str] = (),
+    preprocess: Sequence[str] = (),
+    calibrations: Sequence[Path] = (),
+    mag_learning: str | None = None,
     overwrite: bool = False,
     quiet: bool = False,
 ) -> str:
@@ -36,11 +46,14 @@ def replay_command(
 
     Args:
         log: a .tlog or a sensor folder.
-        out: directory for the lane files and summary.json.
+        out: directory for the CSV files and summary.json.
         lanes: "a,b" or "all".
         gnss_outage: "A:B" each, seconds after the earliest t_ns of any file.
         nav_rate_hz: navigation steps a second; None = the default.
         lane_values: "LANE.PARAMETER=VALUE" each.
+        preprocess: "SENSOR.PARAMETER=VALUE" each.
+        calibrations: files in force from the first sample on, the later one of a sensor winning.
+        mag_learning: "run", "apply" or None.
         overwrite: write into a directory that holds other files.
         quiet: no progress bar, no report.
 
@@ -49,7 +62,8 @@ def replay_command(
     """
     chosen = lanes_from_text(lanes)
     outages = [outage_from_text(text) for text in gnss_outage]
-    values = values_from_texts(lane_values)
+    values, chain = values_from_texts(lane_values), chain_from_texts(preprocess)
+    mode = learning_from_text(mag_learning) if mag_learning is not None else None
     with _bar(log.name, quiet=quiet) as progress:
         summary = replay(
             log,
@@ -58,6 +72,9 @@ def replay_command(
             gnss_outages=outages,
             nav_rate_hz=nav_rate_hz,
             lane_parameters=values,
+            chain=chain,
+            calibrations=calibrations,
+            mag_learning=mode,
             overwrite=overwrite,
             progress=progress,
         )
@@ -90,6 +107,12 @@ def report(summary: SummaryOut, out: Path) -> str:
     ]
     for name, lane in summary.lanes.items():
         lines += _lane_lines(name, lane)
+    lines += [
+        f"  stages of {each.sensor}: {each.rows:,} rows, its filters delay {1e3 * each.delay_s:.1f} ms"
+        for each in summary.stages.values()
+    ]
+    if summary.mag_learning is not None and summary.mag_learning.state is not None:
+        lines.append(_learned_line(summary.mag_learning.state))
     lines += [f"  {note}" for note in summary.notes]
     return "\n".join([*lines, f"written to {out}"])
 
@@ -104,6 +127,12 @@ def _lane_lines(name: str, lane: LaneOut) -> list[str]:
     if source not in _NOT_OURS:  # what is withheld here was not withheld from these
         lines += [_outage_line(stretch) for stretch in lane.outages if stretch.end_horizontal_m is not None]
     return lines
+
+
+def _learned_line(state: LearnedOut) -> str:
+    pairs = zip(state.offset_gauss, state.sigma_gauss, strict=True)
+    found = ", ".join(f"{1e3 * offset:.1f} ± {1e3 * sigma:.1f}" for offset, sigma in pairs)
+    return f"  magnetic offset learned: {found} mG ({'converged' if state.converged else 'not converged'})"
 
 
 def _outage_line(stretch: OutageOut) -> str:

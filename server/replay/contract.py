@@ -4,16 +4,15 @@ from __future__ import annotations
 
 from typing import Final, Literal
 
-from pydantic import BaseModel, ConfigDict, Field
+from pydantic import Field
+
+from server.replay.contract_base import Out
+from server.replay.contract_preprocessing import CalibrationOut, MagLearningOut, StagesOut
 
 SUMMARY_FORMAT: Final = "navdeck.replay.summary/1"
 
 
-class _Out(BaseModel):
-    model_config = ConfigDict(extra="forbid", frozen=True)
-
-
-class SpreadOut(_Out):
+class SpreadOut(Out):
     """Size of an error over a window; percentiles are of its absolute value."""
 
     rows: int
@@ -24,7 +23,7 @@ class SpreadOut(_Out):
     max: float
 
 
-class CoverOut(_Out):
+class CoverOut(Out):
     """Share of rows (0 to 1) whose error lies within its own 3σ in every component; null = no σ or no reference."""
 
     horizontal: float | None = Field(description="north and east both inside")
@@ -33,7 +32,7 @@ class CoverOut(_Out):
     attitude: float | None = Field(description="x, y and z of the NED error rotation vector all inside")
 
 
-class ErrorsOut(_Out):
+class ErrorsOut(Out):
     """Lane minus reference at equal t_ns over one window; no fit of any kind. null = nothing to compare."""
 
     t_from_ns: int
@@ -55,7 +54,7 @@ class ErrorsOut(_Out):
     )
 
 
-class OutageOut(_Out):
+class OutageOut(Out):
     """One withheld stretch of GNSS and what the lane made of it."""
 
     from_s: float
@@ -69,7 +68,7 @@ class OutageOut(_Out):
     end_attitude_rad: float | None
 
 
-class LaneOut(_Out):
+class LaneOut(Out):
     """One lane: its file, how many rows in which state, and its errors; null of what it does not provide."""
 
     file: str
@@ -86,7 +85,7 @@ class LaneOut(_Out):
     outages: list[OutageOut]
 
 
-class LogOut(_Out):
+class LogOut(Out):
     """What was replayed."""
 
     name: str
@@ -99,7 +98,7 @@ class LogOut(_Out):
     duration_s: float = Field(description="from the first to the last sample, all power-ups together")
 
 
-class SettingsOut(_Out):
+class SettingsOut(Out):
     """What the engine was told; null = unknown or its own default."""
 
     nav_rate_hz: float
@@ -115,7 +114,16 @@ class SettingsOut(_Out):
     t_origin_ns: int | None = Field(description="origin of gnss_outages_s: the earliest t_ns of any file")
 
 
-class SiteOut(_Out):
+class ReplaySettingsOut(SettingsOut):
+    """What the engine was told of a replay, preprocessing included."""
+
+    preprocess: dict[str, dict[str, float]] = Field(
+        default={}, description="sensor → parameter → value, only what is not at its default"
+    )
+    calibration: list[CalibrationOut] = Field(default=[], description="in the order of the files; [] = none")
+
+
+class SiteOut(Out):
     """Origin of the local frame, and the magnetic model's date with its source."""
 
     lat_deg: float | None
@@ -128,7 +136,7 @@ class SiteOut(_Out):
     date_source: str = Field(description='"settings", "board", "model-epoch" or "none"')
 
 
-class SensorOut(_Out):
+class SensorOut(Out):
     """One sensor as the engine saw it."""
 
     boot_id: int
@@ -141,14 +149,14 @@ class SensorOut(_Out):
     note: str
 
 
-class AidOut(_Out):
+class AidOut(Out):
     """Measurements of one kind: how many corrected the estimate, and why the others did not."""
 
     fused: int
     refused: dict[str, int] = Field(description="by reason")
 
 
-class EventOut(_Out):
+class EventOut(Out):
     """Something that happened, in words."""
 
     boot_id: int
@@ -159,7 +167,7 @@ class EventOut(_Out):
     values: dict[str, float | None]
 
 
-class TimingOut(_Out):
+class TimingOut(Out):
     """Where the time went; the engine apart from files."""
 
     read_s: float = Field(description="opening, reading and decoding the log")
@@ -172,13 +180,13 @@ class TimingOut(_Out):
     real_time_factor: float | None = Field(description="log seconds per engine second")
 
 
-class SummaryOut(_Out):
+class SummaryOut(Out):
     """`summary.json`."""
 
     format: Literal["navdeck.replay.summary/1"] = SUMMARY_FORMAT
     navdeck_version: str
     log: LogOut
-    settings: SettingsOut
+    settings: ReplaySettingsOut
     site: SiteOut | None
     samples: dict[str, int] = Field(description="rows given to the engine, by kind")
     losses: dict[str, int] = Field(description="what was lost or left out before the engine, by reason")
@@ -187,4 +195,8 @@ class SummaryOut(_Out):
     events: list[EventOut]
     timing: TimingOut
     lanes: dict[str, LaneOut] = Field(description="by file stem")
+    stages: dict[str, StagesOut] = Field(
+        default={}, description="by file stem; of the sensors whose chain or calibration is on"
+    )
+    mag_learning: MagLearningOut | None = Field(default=None, description="null = it did not run")
     notes: list[str]

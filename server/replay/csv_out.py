@@ -1,4 +1,4 @@
-"""Lane rows to the contract's CSV: shortest decimals that read back to the same number, unknown = empty."""
+"""Rows to the contract's CSV: shortest decimals that read back to the same number, unknown = empty."""
 
 from __future__ import annotations
 
@@ -31,17 +31,36 @@ def csv_lines(t_ns: Int, data: Float) -> bytes:
         t_ns: shape (m,).
         data: shape (m, ≥ CSV_LANE_COLUMNS), as in LaneRows; not finite = empty.
     """
-    pieces = range(0, len(t_ns), _ROWS_A_PIECE)
-    return b"".join(_piece(t_ns[k : k + _ROWS_A_PIECE], data[k : k + _ROWS_A_PIECE]) for k in pieces)
+    parts = (slice(k, k + _ROWS_A_PIECE) for k in range(0, len(t_ns), _ROWS_A_PIECE))
+    return b"".join(_lane_piece(t_ns[part], data[part]) for part in parts)
 
 
-def _piece(t_ns: Int, data: Float) -> bytes:
-    numbers = np.ascontiguousarray(data[:, :STATUS_COLUMN])
-    text = orjson.dumps(numbers, option=orjson.OPT_SERIALIZE_NUMPY)  # the fastest shortest-decimal writer there is
-    rows = text[2:-2].replace(b"null", b"").decode().split("],[")
+def number_table(columns: Sequence[str], t_ns: Int, data: Float) -> bytes:
+    """Return a whole file: a header, then one line a row.
+
+    Args:
+        columns: names, t_ns first.
+        t_ns: shape (m,).
+        data: shape (m, len(columns) - 1); not finite = empty.
+    """
+    parts = (slice(k, k + _ROWS_A_PIECE) for k in range(0, len(t_ns), _ROWS_A_PIECE))
+    return (",".join(columns) + "\n").encode() + b"".join(_number_piece(t_ns[part], data[part]) for part in parts)
+
+
+def _lane_piece(t_ns: Int, data: Float) -> bytes:
     words = _words(data[:, STATUS_COLUMN])
-    lines = zip(t_ns.tolist(), rows, words, strict=True)
+    lines = zip(t_ns.tolist(), _rows(data[:, :STATUS_COLUMN]), words, strict=True)
     return "".join(f"{stamp},{row},{word}\n" for stamp, row, word in lines).encode()
+
+
+def _number_piece(t_ns: Int, data: Float) -> bytes:
+    return "".join(f"{stamp},{row}\n" for stamp, row in zip(t_ns.tolist(), _rows(data), strict=True)).encode()
+
+
+def _rows(data: Float) -> list[str]:
+    """Return the cells of each row with commas between them; at least one row."""
+    text = orjson.dumps(np.ascontiguousarray(data), option=orjson.OPT_SERIALIZE_NUMPY)  # the fastest writer there is
+    return text[2:-2].replace(b"null", b"").decode().split("],[")
 
 
 def _words(status: Float) -> Sequence[str]:

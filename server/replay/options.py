@@ -5,13 +5,16 @@ from __future__ import annotations
 import math
 from collections.abc import Iterable, Mapping, Sequence
 from dataclasses import fields, replace
-from typing import Any
+from typing import Any, Literal
 
+from server.chain_values import chain_values
 from server.lane_values import LaneValues, lane_values
 from server.nav.types import EngineSettings
 from server.replay.errors import ReplayError, nearest
 
 Stretch = tuple[float, float]
+Mode = Literal["run", "apply"]
+"""Of learning the magnetic offset in flight: only watched, or taken off what the estimators are given."""
 
 
 def known_lanes() -> tuple[str, ...]:
@@ -79,6 +82,58 @@ def checked_values(values: Mapping[str, Mapping[str, float]]) -> LaneValues:
 def idle_values(values: Mapping[str, Mapping[str, float]], lanes: Sequence[str]) -> list[str]:
     """Return a note for each lane of which something was set and which does not run."""
     return [f"--set {lane}.…: this lane does not run, so nothing comes of it." for lane in values if lane not in lanes]
+
+
+def chain_from_texts(texts: Iterable[str]) -> LaneValues:
+    """Return sensor → parameter → value of texts SENSOR.PARAMETER=VALUE, as the setting `preprocess` takes them.
+
+    Raises:
+        ReplayError: not of that form, no such sensor or parameter, or outside its limits.
+    """
+    told = tuple(texts)
+    for text in told:
+        place, _, value = text.partition("=")
+        sensor, _, name = (part.strip() for part in place.partition("."))
+        if not (sensor and name and value.strip()):
+            form = "SENSOR.PARAMETER=VALUE, as in gyro.butterworth_hz=40"
+            raise ReplayError(f"--preprocess {text[:80]!r} is not {form}.")
+    try:
+        return checked_chain(chain_values(told))
+    except ReplayError:
+        raise
+    except ValueError as error:
+        raise ReplayError(f"--preprocess {error}.") from None
+
+
+def checked_chain(values: Mapping[str, Mapping[str, float]]) -> LaneValues:
+    """Return the values as they are.
+
+    Raises:
+        ReplayError: there is no such sensor or parameter, or a value is outside its limits.
+    """
+    from server.nav.preprocess.chain_parameters import check_chain  # loads kernels
+
+    try:
+        for sensor, own in values.items():
+            check_chain(sensor, own)
+    except ValueError as error:
+        raise ReplayError(f"--preprocess: {error}.") from None
+    return {sensor: dict(own) for sensor, own in values.items()}
+
+
+def learning_from_text(text: str) -> Mode:
+    """Return "run" or "apply".
+
+    Raises:
+        ReplayError: neither.
+    """
+    if text == "run":
+        return "run"
+    if text == "apply":
+        return "apply"
+    raise ReplayError(
+        f"--mag-learning {text[:40]!r} is not known. Give run (only watch) or apply (take what was learned off)."
+    )
 
 
 def outage_from_text(text: str) -> Stretch:

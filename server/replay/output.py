@@ -85,12 +85,14 @@ def _earlier_files(place: Path, log: Path, *, overwrite: bool) -> set[str]:
 
 
 def _files_of_summary(path: Path) -> set[str] | None:
-    """Return the lane files a summary of ours names, or None when it is not ours."""
+    """Return the CSV files a summary of ours names, or None when it is not ours."""
     try:
         summary = json.loads(path.read_bytes())
         if not str(summary["format"]).startswith(_FORMAT_PREFIX):
             return None
-        names = {Path(str(lane["file"])).name for lane in summary["lanes"].values()}
+        listed = [*summary["lanes"].values(), *summary.get("stages", {}).values()]
+        listed += (summary.get("mag_learning") or {}).get("power_ups", [])
+        names = {Path(str(each["file"])).name for each in listed}
         return {name for name in names if name.endswith(".csv")}
     except (OSError, ValueError, KeyError, TypeError, AttributeError):
         return None

@@ -4,23 +4,32 @@ from __future__ import annotations
 
 import time
 from collections.abc import Callable, Iterable, Iterator, Mapping, Sequence
-from dataclasses import dataclass
 from pathlib import Path
 from typing import Any, Protocol
 
 from server.magnetic import wmm_field
-from server.nav.types import EngineSettings, FieldModel, Kind, SampleBlock, Snapshot, StepResult
-from server.replay import summary as build
+from server.nav.types import EngineSettings, FieldModel, SampleBlock, Snapshot, StepResult
+from server.replay import result
+from server.replay.calibration import read_calibrations
+from server.replay.clock import Clock
 from server.replay.collect import Boot
-from server.replay.contract import LaneOut, SummaryOut, TimingOut
-from server.replay.csv_out import csv_lines, header_line
+from server.replay.contract import SummaryOut
 from server.replay.errors import ReplayError
-from server.replay.options import checked_lanes, checked_outage, checked_values, idle_values, known_lanes, merged
+from server.replay.learning import Learner, LearningLog
+from server.replay.options import (
+    Mode,
+    checked_chain,
+    checked_lanes,
+    checked_outage,
+    checked_values,
+    known_lanes,
+    merged,
+)
 from server.replay.output import SUMMARY, Output
 from server.replay.source import BLOCK_ROWS, LogInput, load
 
 
-class Engine(Protocol):
+class Engine(Learner, Protocol):
     """The part of NavEngine a replay uses."""
 
     def step(self, block: SampleBlock) -> StepResult:
@@ -35,33 +44,12 @@ class Engine(Protocol):
         """Return the newest state of everything."""
         ...
 
+    def set_mag_learning(self, run: bool, apply: bool) -> None:
+        """Switch learning the magnetic offset in flight, and its use, on or off."""
+        ...
+
 
 EngineFactory = Callable[[EngineSettings, FieldModel], Engine]
-
-
-@dataclass(slots=True)
-class _Clock:
-    """Where the time goes."""
-
-    read_s: float = 0.0
-    engine_s: float = 0.0
-    finish_s: float = 0.0
-    score_s: float = 0.0
-    write_s: float = 0.0
-
-    def timing(self, total_s: float, samples: int, duration_s: float) -> TimingOut:
-        """Return the account; rates are None when the engine had nothing to do."""
-        busy = self.engine_s > 0.0 and samples > 0
-        return TimingOut(
-            read_s=self.read_s,
-            engine_s=self.engine_s,
-            finish_s=self.finish_s,
-            score_s=self.score_s,
-            write_s=self.write_s,
-            total_s=total_s,
-            samples_per_s=samples / self.engine_s if busy else None,
-            real_time_factor=duration_s / self.engine_s if busy else None,
-        )
 
 
 def nav_engine(settings: EngineSettings, field_model: FieldModel) -> Engine:
@@ -82,6 +70,9 @@ def replay(
     gnss_outages: Iterable[Sequence[float]] = (),
     nav_rate_hz: float | None = None,
     lane_parameters: Mapping[str, Mapping[str, float]] | None = None,
+    chain: Mapping[str, Mapping[str, float]] | None = None,
+    calibrations: Iterable[Path] = (),
+    mag_learning: Mode | None = None,
     overrides: dict[str, Any] | None = None,
     overwrite: bool = False,
     block_rows: int = BLOCK_ROWS,
@@ -92,11 +83,14 @@ def replay(
 
     Args:
         log: a .tlog or a sensor folder.
-        out: directory for `<lane>.csv` and `summary.json`; made, or an earlier replay's replaced.
+        out: directory for the CSV files and `summary.json`; made, or an earlier replay's replaced.
         lanes: names of the lanes to run; None = all.
         gnss_outages: stretches (a, b) in seconds after the earliest t_ns of any file whose GNSS is withheld.
         nav_rate_hz: navigation steps a second; None = the default.
         lane_parameters: lane → parameter → value, for what is not to be at its default.
+        chain: sensor → parameter → value of the preprocessing, likewise.
+        calibrations: files that together are in force from the first sample on; the later one of a sensor wins.
+        mag_learning: "run" only watches, "apply" also takes off what was learned; None = off.
         overrides: further fields of EngineSettings; they win over the log's own.
         overwrite: write into a directory that holds other files.
         block_rows: samples a call of the engine; the results do not depend on it.
@@ -106,12 +100,16 @@ def replay(
     Raises:
         ReplayError: the log, an option or the directory is not usable; the message names the remedy.
     """
-    begun, clock = time.perf_counter(), _Clock()
+    begun, clock, given = time.perf_counter(), Clock(), read_calibrations(calibrations)
     with Output(out, log, overwrite=overwrite) as output:
         source = load(log)
         chosen: dict[str, Any] = {} if nav_rate_hz is None else {"nav_rate_hz": nav_rate_hz}
         if lane_parameters is not None:
             chosen["lane_parameters"] = checked_values(lane_parameters)
+        if chain is not None:
+            chosen["chain"] = checked_chain(chain)
+        if given.calibration is not None:
+            chosen["calibration"] = given.calibration
         told = {
             "lanes": checked_lanes(known_lanes() if lanes is None else lanes),
             "gnss_withheld_s": tuple(checked_outage(stretch) for stretch in gnss_outages),
@@ -119,10 +117,11 @@ def replay(
         }
         settings = merged(source.overrides, overrides or {}, chosen, told)
         clock.read_s = time.perf_counter() - begun
-        boots = _run(source, engine_factory(settings, wmm_field), block_rows, clock, progress)
-        scored = _lanes(boots, settings, clock)
-        _write_lanes(output, boots, settings.lanes, clock)
-        found = _summary(source, settings, boots, scored)
+        engine = engine_factory(settings, wmm_field)
+        boots = _run(source, engine, mag_learning, block_rows, clock, progress)
+        scored = result.score(boots, settings, clock)
+        result.write(output, boots, settings.lanes, clock)
+        found = result.summary(source, settings, given, mag_learning, boots, scored)
         timing = clock.timing(time.perf_counter() - begun, sum(found.samples.values()), found.log.duration_s)
         found = found.model_copy(update={"timing": timing})
         output.write(SUMMARY, found.model_dump_json(indent=2).encode(), b"\n")
@@ -131,20 +130,25 @@ def replay(
 
 
 def _run(
-    source: LogInput, engine: Engine, block_rows: int, clock: _Clock, progress: Callable[[float], None] | None
+    source: LogInput,
+    engine: Engine,
+    mag_learning: Mode | None,
+    block_rows: int,
+    clock: Clock,
+    progress: Callable[[float], None] | None,
 ) -> list[Boot]:
     """Drive the engine through the log; return what each power-up gave."""
     boots: list[Boot] = []
+    if mag_learning is not None:
+        engine.set_mag_learning(run=True, apply=mag_learning == "apply")
     for block in _timed(source.blocks(block_rows), clock):
         if not boots or boots[-1].boot_id != block.boot_id:
             if boots:
                 _end(boots[-1], engine, clock)
-            boots.append(Boot(boot_id=block.boot_id))
+            learning = LearningLog(engine, block.boot_id, len(boots)) if mag_learning is not None else None
+            boots.append(Boot(boot_id=block.boot_id, learning=learning))
         boots[-1].add_block(block)
-        start = time.perf_counter()
-        result = engine.step(block)
-        clock.engine_s += time.perf_counter() - start
-        boots[-1].add_result(result)
+        _step(boots[-1], block, engine, clock)
         if progress is not None:
             progress(source.fraction())
     if boots:
@@ -152,14 +156,25 @@ def _run(
     return boots
 
 
-def _end(boot: Boot, engine: Engine, clock: _Clock) -> None:
+def _step(boot: Boot, block: SampleBlock, engine: Engine, clock: Clock) -> None:
+    """Give one block to the engine, in parts where what is being learned is to be seen."""
+    for part in boot.learning.pieces(block) if boot.learning is not None else (block,):
+        start = time.perf_counter()
+        found = engine.step(part)
+        clock.engine_s += time.perf_counter() - start
+        boot.add_result(found)
+
+
+def _end(boot: Boot, engine: Engine, clock: Clock) -> None:
     """Take what the lanes say at the end of a power-up."""
+    if boot.learning is not None:
+        boot.learning.close()
     start = time.perf_counter()
     boot.close(engine.finish(), engine.snapshot)
     clock.finish_s += time.perf_counter() - start
 
 
-def _timed(blocks: Iterator[SampleBlock], clock: _Clock) -> Iterator[SampleBlock]:
+def _timed(blocks: Iterator[SampleBlock], clock: Clock) -> Iterator[SampleBlock]:
     """Yield the blocks, the time they took to read put on the clock."""
     while True:
         start = time.perf_counter()
@@ -168,57 +183,3 @@ def _timed(blocks: Iterator[SampleBlock], clock: _Clock) -> Iterator[SampleBlock
         if block is None:
             return
         yield block
-
-
-def _lanes(boots: Sequence[Boot], settings: EngineSettings, clock: _Clock) -> dict[str, LaneOut]:
-    start = time.perf_counter()
-    scored = {
-        build.stem(lane, place): build.score_lane(boot, place, lane, settings.gnss_withheld_s, settings.t_origin_ns)
-        for place, boot in enumerate(boots or [Boot(boot_id=0)])
-        for lane in settings.lanes
-    }
-    clock.score_s = time.perf_counter() - start
-    return scored
-
-
-def _write_lanes(output: Output, boots: Sequence[Boot], lanes: Sequence[str], clock: _Clock) -> None:
-    start = time.perf_counter()
-    for place, boot in enumerate(boots or [Boot(boot_id=0)]):
-        for lane in lanes:
-            output.write(f"{build.stem(lane, place)}.csv", header_line(), csv_lines(*boot.lane(lane)))
-    clock.write_s = time.perf_counter() - start
-
-
-def _summary(
-    source: LogInput, settings: EngineSettings, boots: Sequence[Boot], lanes: dict[str, LaneOut]
-) -> SummaryOut:
-    account = source.account()
-    empty = [f"{name}: no row; {_why_empty(name, boots)}" for name, lane in lanes.items() if not lane.rows]
-    return SummaryOut(
-        navdeck_version=build.navdeck_version(),
-        log=build.log_out(source, boots),
-        settings=build.settings_out(settings),
-        site=build.site_out(boots),
-        samples=build.samples_out(boots),
-        losses=dict(account.losses),
-        sensors=build.sensors_out(boots),
-        aids=build.aids_out(boots),
-        events=build.events_out(boots),
-        timing=_Clock().timing(0.0, 0, 0.0),
-        lanes=lanes,
-        notes=[
-            *account.notes,
-            *idle_values(settings.lane_parameters, settings.lanes),
-            *build.date_notes(settings, boots),
-            *empty,
-        ],
-    )
-
-
-def _why_empty(stem: str, boots: Sequence[Boot]) -> str:
-    """Return what the lane would have needed."""
-    lane = stem.split(".", maxsplit=1)[0]
-    needs = {"reference": Kind.REFERENCE, "onboard": Kind.ONBOARD, "dmp": Kind.DMP}.get(lane, Kind.IMU)
-    if any(boot.samples[needs] for boot in boots):
-        return "its samples never sufficed for a step."
-    return f"the log has no {needs.name.lower()} samples."

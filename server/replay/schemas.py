@@ -8,9 +8,10 @@ from importlib.resources import files
 from pathlib import Path
 from typing import Any, Final, cast
 
-from server.nav.types import CSV_LANE_COLUMNS, LANE_COLUMNS
+from server.nav.types import CSV_LANE_COLUMNS, LANE_COLUMNS, STAGE_COLUMNS
 from server.replay.contract import SummaryOut
 from server.replay.csv_out import CSV_COLUMNS, STATUS_WORDS
+from server.replay.learning import LEARNING_COLUMNS
 from server.replay.meta import MetaIn
 from server.replay.tables import COLUMN_MEANING, T_NS, TABLES, Table
 
@@ -44,6 +45,8 @@ def schemas() -> dict[str, Schema]:
         "sensor-folder.schema.json": _folder_schema(),
         "meta.schema.json": {"$schema": DRAFT, **MetaIn.model_json_schema(by_alias=True)},
         "lane.schema.json": _lane_schema(),
+        "stages.schema.json": _stages_schema(),
+        "mag-learning.schema.json": _learning_schema(),
         "summary.schema.json": {"$schema": DRAFT, **SummaryOut.model_json_schema(mode="serialization")},
     }
 
@@ -121,6 +124,39 @@ def _lane_schema() -> Schema:
         "required": list(CSV_COLUMNS),
         "additionalProperties": False,
         "x-columns": list(CSV_COLUMNS),
+    }
+
+
+def _stages_schema() -> Schema:
+    """Return the schema of one row of each sensor's stages; the order of the columns is `x-columns`."""
+    return {
+        "$schema": DRAFT,
+        "title": "<sensor>.stages.csv",
+        "description": "Output of navdeck replay where a sensor's chain or calibration is on: sensor to one row of its "
+        "file, one row a believed sample; calibrated → limited → filtered, body FRD; unknown = empty = null.",
+        "type": "object",
+        "properties": {sensor: _number_row((T_NS, *columns)) for sensor, columns in STAGE_COLUMNS.items()},
+        "additionalProperties": False,
+    }
+
+
+def _learning_schema() -> Schema:
+    """Return the schema of one row of `mag_learning.csv`."""
+    row = _number_row(LEARNING_COLUMNS)
+    row["properties"] |= {name: {"enum": [0, 1]} for name in ("converged", "frozen")}
+    about = (
+        "Output of navdeck replay --mag-learning: one row each 0.1 s of board time; calibrated = (as given) - offset."
+    )
+    return {"$schema": DRAFT, "title": "mag_learning.csv", "description": about, **row}
+
+
+def _number_row(columns: tuple[str, ...]) -> Schema:
+    return {
+        "type": "object",
+        "properties": {T_NS: {"type": "integer"}, **{name: {"type": ["number", "null"]} for name in columns[1:]}},
+        "required": list(columns),
+        "additionalProperties": False,
+        "x-columns": list(columns),
     }
 
 

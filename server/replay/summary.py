@@ -9,6 +9,7 @@ from typing import Final
 
 import numpy as np
 
+from server.chain_values import changed_chain
 from server.lane_values import changed_values
 from server.magnetic import WMM_FIRST_YEAR, WMM_LAST_YEAR
 from server.nav.types import Aid, AidStatus, EngineSettings, Event, Kind, SensorHealth, Site
@@ -18,10 +19,12 @@ from server.replay.contract import (
     EventOut,
     LaneOut,
     LogOut,
+    ReplaySettingsOut,
     SensorOut,
     SettingsOut,
     SiteOut,
 )
+from server.replay.contract_preprocessing import CalibrationOut
 from server.replay.csv_out import STATUS_COLUMN, STATUS_WORDS
 from server.replay.options import Stretch
 from server.replay.score import compare, errors, outage
@@ -99,6 +102,16 @@ def settings_out(settings: EngineSettings) -> SettingsOut:
         aids={name: bool(getattr(settings, f"use_{name}")) for name in ("gnss", "baro", "mag", "airspeed")},
         gnss_outages_s=[(float(a), float(b)) for a, b in settings.gnss_withheld_s],
         t_origin_ns=settings.t_origin_ns if settings.t_origin_ns >= 0 else None,
+    )
+
+
+def replay_settings_out(settings: EngineSettings, calibration: Sequence[CalibrationOut]) -> ReplaySettingsOut:
+    """Return what the engine was told, preprocessing included."""
+    plain = settings_out(settings)
+    return ReplaySettingsOut(
+        **{name: getattr(plain, name) for name in type(plain).model_fields},
+        preprocess=changed_chain(settings.chain),
+        calibration=list(calibration),
     )
 
 

@@ -106,3 +106,27 @@ def test_verification_takes_the_offset_found_and_refuses_none():
     nothing = fresh.check({"offset": np.zeros(3)})
     assert not nothing.ok
     assert nothing.residual.value == pytest.approx(np.linalg.norm(OFFSET), rel=0.02)
+
+
+def test_counts_are_gauss_times_the_told_strength_and_need_it():
+    with pytest.raises(ValueError, match="strength must be given"):
+        MagFixedHeading(Options(heading_rad=0.0, field_n_gauss=tuple(FIELD), unit="raw"))
+    counts = 1090.0
+    gauss = stood(0.7)
+    strength = counts * float(np.linalg.norm(FIELD))
+    raw = MagFixedHeading(Options(heading_rad=0.7, field_n_gauss=tuple(FIELD), unit="raw", strength=strength))
+    rng = np.random.default_rng(0)
+    count = 600
+    t_ns = np.arange(count, dtype=np.int64) * 10_000_000
+    imu, mag = np.full((count, ROW_WIDTH), np.nan), np.full((count, ROW_WIDTH), np.nan)
+    q_nb = truth_nb(0.7, 0.05, -0.08)
+    imu[:, :3] = rng.normal(size=(count, 3)) * 0.002
+    imu[:, 3:6] = q_nb.inv().apply([0.0, 0.0, -9.81]) + rng.normal(size=(count, 3)) * 0.02
+    mag[:, :3] = counts * (q_nb.inv().apply(FIELD) + OFFSET + rng.normal(size=(count, 3)) * 0.002)
+    for at in range(0, count, 50):
+        raw.feed(Kind.IMU, t_ns[at : at + 50], imu[at : at + 50])
+        raw.feed(Kind.MAG, t_ns[at : at + 50], mag[at : at + 50])
+    fit = raw.fit()
+    np.testing.assert_allclose(fit.parameters["offset"] / counts, OFFSET, atol=0.001)
+    np.testing.assert_allclose(fit.sigma["offset"] / counts, gauss.fit().sigma["offset"], rtol=0.05)
+    assert fit.residual_after.unit == "counts"

@@ -90,6 +90,26 @@ def test_motion_and_a_steady_turn_are_refused() -> None:
     assert refusal(bias_of(t_ns, gyro, duration_s=5.0)) == "motion"
 
 
+def test_a_rest_is_taken_though_the_steady_turn_of_a_table_is_longer() -> None:
+    t_ns, gyro = rest(10.0, 100.0, 0.003, 7)
+    gyro[250:800, 2] += 1.2
+    fit = bias_of(t_ns, gyro)
+    np.testing.assert_allclose(fit.parameters["bias"], S0_BIAS, atol=1e-3)
+    assert 200 <= fit.samples <= 250
+
+
+def test_a_coarse_gyro_at_rest_has_its_step_in_the_sigma() -> None:
+    """131 counts a degree per second and less noise than a step: the mean is wrong by up to half a step."""
+    t_ns, gyro = rest(5.0, 100.0, 2e-5, 8)
+    counts = np.round(gyro * 7506.0)
+    for unit, factor in (("raw", 1.0), ("si", 1.0 / 7506.0)):
+        values = counts.copy()
+        values[::50, 0] += 1.0  # a step shows at all
+        fit = bias_of(t_ns, values * factor, unit=unit)
+        off = np.asarray(fit.parameters["bias"]) / factor - S0_BIAS * 7506.0
+        assert np.max(np.abs(off / (np.asarray(fit.sigma["bias"]) / factor))) < 3.0
+
+
 def test_bias_in_counts_is_the_bias_in_si_times_the_scale() -> None:
     t_ns, gyro = rest(8.0, 100.0, 0.003, 4)
     si, raw = bias_of(t_ns, gyro), bias_of(t_ns, gyro * 6258.0 + 32768.0, unit="raw")
@@ -154,6 +174,8 @@ def test_recorded_turns_give_the_scale_that_their_sums_give(shared_data: Path) -
 def test_what_is_no_whole_turn_is_refused_with_its_reason() -> None:
     assert refusal(scale_fit(*rest(8.0, 100.0, 0.003, 5))) == "not-turned"
     assert refusal(scale_fit(*turn_stream(2, 0.2))) == "not-turned"
+    steady = np.array([0.0, 0.0, 1.5]) + np.random.default_rng(6).normal(0.0, 0.004, (800, 3))
+    assert refusal(scale_fit((np.arange(800) * 10_000_000).astype(np.int64), steady)) == "motion"  # no rest at all
     assert refusal(scale_fit(*turn_stream(2, 1.4))) == "turns-mismatch"
     assert refusal(scale_fit(*turn_stream(2, 1.0), turns=2.0)) == "turns-mismatch"
     assert refusal(scale_fit(*turn_stream(2, 1.0), axis="x")) == "axis-mismatch"

@@ -34,6 +34,9 @@ def test_the_mounting_comes_back_within_three_sigma(roll_deg: float, pitch_deg: 
         z.append((fit.details["pitch_rad"] - np.radians(pitch_deg)) / fit.details["pitch_sigma_rad"])
         truth = Rotation.from_euler("ZYX", [0.0, pitch_deg, roll_deg], degrees=True).as_matrix()
         np.testing.assert_allclose(fit.parameters["matrix"], truth, atol=1e-3)
+        entries = (np.asarray(fit.parameters["matrix"]) - truth) / fit.sigma["matrix"]
+        assert np.isnan(entries[1, 0])  # 0 by definition, not by measurement
+        assert np.nanmax(np.abs(entries)) < 4.5
         assert collector.check(fit.parameters).ok
     assert np.mean(np.abs(z) > 3.0) <= 0.05
     assert 0.6 < np.sqrt(np.mean(np.square(z))) < 1.5

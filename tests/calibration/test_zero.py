@@ -3,6 +3,7 @@
 import numpy as np
 import pytest
 
+from server.nav.calibration.steady import CAPACITY, Steady
 from server.nav.calibration.types import Options
 from server.nav.calibration.zero import AirspeedZero, BaroReference
 from server.nav.types import ROW_WIDTH, Float, Int, Kind
@@ -81,3 +82,28 @@ def test_cuts_change_no_bit_and_a_hole_starts_again(step: int) -> None:
     assert whole.fit().parameters == cut.fit().parameters
     assert whole.progress().restarts == cut.progress().restarts == 1
     assert float(whole.fit().parameters["bias"]) == pytest.approx(np.nanmean(rows[150:, 0]), abs=1e-12)
+
+
+def test_only_the_newest_are_kept_however_they_came() -> None:
+    n = 2 * CAPACITY + 77
+    rows, t_ns = rows_of(0, np.arange(float(n))), stamps(n, 50.0)
+    for step in (n, 30_011):
+        steady = Steady(Kind.AIRSPEED)
+        for at in range(0, n, step):
+            steady.feed(Kind.AIRSPEED, t_ns[at : at + step], rows[at : at + step])
+        times, values = steady.column(0)
+        assert len(steady) == CAPACITY
+        assert times.tobytes() == t_ns[-CAPACITY:].tobytes()
+        assert (values[0], values[-1]) == (n - CAPACITY, n - 1)
+
+
+def test_counts_of_a_pressure_sensor_are_not_judged_in_pascal() -> None:
+    collector = AirspeedZero(Options(unit="raw"))
+    values = 8192.0 + np.random.default_rng(3).normal(0.0, 40.0, 300)
+    collector.feed(Kind.AIRSPEED, stamps(300, 50.0), rows_of(0, values))
+    fit = collector.fit()
+    assert float(fit.parameters["bias"]) == pytest.approx(values.mean(), rel=1e-12)
+    assert fit.residual_after is not None
+    assert (fit.grade, fit.residual_after.unit) == ("fair", "counts")
+    assert collector.check(fit.parameters).ok
+    assert not collector.check({"bias": 9000.0}).ok

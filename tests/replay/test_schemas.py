@@ -76,6 +76,25 @@ def test_every_row_of_a_lane_is_what_its_schema_says(out: Path) -> None:
         check.validate({**found[0], "status": "ok"})
 
 
+def test_every_row_of_stages_and_learning_is_what_its_schema_says(folder: Path, tmp_path: Path) -> None:
+    chain = {"gyro": {"lowpass_hz": 20.0}, "mag": {"window_samples": 2.0}, "baro": {"limit_m": 5.0}}
+    replay(folder, tmp_path, lanes=["ins_ekf"], chain=chain, mag_learning="run")
+    validator("summary.schema.json").validate(json.loads((tmp_path / "summary.json").read_text(encoding="utf-8")))
+    check = validator("stages.schema.json")
+    for sensor in ("gyro", "accel", "mag", "baro"):
+        found = rows(tmp_path / f"{sensor}.stages.csv")
+        for row in found[::7]:
+            check.validate({sensor: row})
+        assert shipped("stages.schema.json")["properties"][sensor]["x-columns"] == list(found[0])
+        with pytest.raises(ValidationError):
+            check.validate({sensor: {**found[0], "extra": 1.0}})
+    learned = rows(tmp_path / "mag_learning.csv")
+    for row in learned:
+        validator("mag-learning.schema.json").validate(row)
+    with pytest.raises(ValidationError):
+        validator("mag-learning.schema.json").validate({**learned[0], "frozen": 2})
+
+
 def test_a_sensor_folder_is_what_its_schema_says(folder: Path) -> None:
     check = validator("sensor-folder.schema.json")
     given = {path.name: rows(path)[:20] for path in folder.glob("*.csv")}

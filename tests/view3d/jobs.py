@@ -16,21 +16,27 @@ SOFT: Final = np.array([[1.1, 0.08, 0.0], [0.08, 0.9, 0.05], [0.0, 0.05, 1.0]])
 FIELD_GAUSS: Final = 0.5
 
 
-def field_points(count: int, share: float = 1.0, seed: int = 1) -> tuple[Float, Float]:
+def field_points(count: int, share: float = 1.0, seed: int = 1, noise_gauss: float = 0.005) -> tuple[Float, Float]:
     """Return directions and raw values, each shape (n, 3), over this share of all directions."""
     rng = np.random.default_rng(seed)
     u = rng.normal(size=(count, 3))
     u /= np.linalg.norm(u, axis=1, keepdims=True)
     u = u[u[:, 2] < 2.0 * share - 1.0]
     raw = OFFSET + FIELD_GAUSS * np.linalg.solve(SOFT, u.T).T
-    return u, raw + rng.normal(scale=0.005, size=raw.shape)
+    return u, raw + rng.normal(scale=noise_gauss, size=raw.shape)
 
 
 def mag_job(
-    *, fitted: bool = False, share: float = 0.6, count: int = 1500, seed: int = 1, job_id: str = "mag"
+    *,
+    fitted: bool = False,
+    share: float = 0.6,
+    count: int = 1500,
+    seed: int = 1,
+    job_id: str = "mag",
+    noise_gauss: float = 0.005,
 ) -> CalibrationScene:
     """Return a magnetometer's job with a fit so far, or with the final one."""
-    u, raw = field_points(count, share, seed)
+    u, raw = field_points(count, share, seed, noise_gauss)
     progress = Progress(
         fraction=share,
         phase="rotate",

@@ -4,6 +4,7 @@ import io
 import math
 import time
 from collections.abc import Callable, Iterator
+from dataclasses import replace
 from typing import TYPE_CHECKING
 
 import numpy as np
@@ -204,24 +205,40 @@ def near_hue(image: NDArray[np.float64], rgb: tuple[int, int, int], near_rad: fl
 
 
 @pytest.mark.parametrize("theme", ["dark", "light"])
-def test_a_calibration_shows_points_ellipsoid_and_open_directions(page: "Page", theme: str) -> None:
-    """Without a job none of their colours is in the picture, which is the control of each."""
+def test_a_calibration_shows_ellipsoid_points_and_open_directions(page: "Page", theme: str) -> None:
+    """One after the other, each with the picture before it as the control."""
     jobs: list[CalibrationScene | None] = [None]
-    points, opened = (30, 140, 235), palette.OPEN_RGB[theme]
+
+    def lines() -> float:
+        return float(np.abs(np.diff(picture(page)[80:220, 130:270], axis=1)).mean())
+
+    def opened() -> float:
+        return near_hue(picture(page)[165:], palette.OPEN_RGB[theme])  # below the vehicle, which is orange too
+
+    def points() -> float:
+        return min(share_of(half, palette.RESIDUAL_RGB[0]) for half in halves(picture(page)))
+
     with served([SyntheticBoard()], scene_of=lambda _board_id: jobs[-1]) as at:
         open_view(page, at, f"scene=calibration&theme={theme}")
-        soon(page, "the scene", lambda: picture(page)[150:].std() > 8)
+        soon(page, "the vehicle", lambda: lines() > 1.0)
         page.wait_for_timeout(1000)
-        empty = picture(page)
-        jobs.append(mag_job())
+        before = lines()
+        jobs.append(bare_ellipsoid())
+        soon(page, "the ellipsoid", lambda: lines() > 2.0 * before)
+        page.wait_for_timeout(1000)
+        assert points() < 0.001
+        assert opened() < 0.0001
+        jobs.append(mag_job(noise_gauss=0.0))
+        soon(page, "the points", lambda: points() > 0.02)
+        soon(page, "the open directions", lambda: opened() > 0.0003)
+        jobs.append(mag_job(fitted=True, share=1.0, noise_gauss=0.0))
+        soon(page, "all directions closed, and two fields", lambda: opened() < 0.0001 and points() > 0.02)
 
-        def more(rgb: tuple[int, int, int], near: float) -> float:
-            return share_of(picture(page), rgb, near) - share_of(empty, rgb, near)
 
-        soon(page, "the points", lambda: more(points, 40.0) > 0.01)
-        soon(page, "the open directions", lambda: near_hue(picture(page), opened) > near_hue(empty, opened) + 0.002)
-        jobs.append(mag_job(fitted=True, share=1.0))
-        soon(page, "two spheres", lambda: all(share_of(half, points, 40.0) > 0.01 for half in halves(picture(page))))
+def bare_ellipsoid() -> CalibrationScene:
+    """A job that has a fit so far and shows nothing else."""
+    job = mag_job(count=0)
+    return replace(job, progress=replace(job.progress, uncovered_b=np.empty((0, 3))))
 
 
 def test_a_calibration_shows_faces_that_fill(page: "Page") -> None:

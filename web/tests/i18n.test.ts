@@ -41,7 +41,7 @@ describe("the catalogues", () => {
   it("have no key that nothing uses", () => {
     const all = Object.values(sources).join("\n");
     const composed =
-      /^(place|severity|theme|link|lane|sensor|subject|aid|aidStatus|fix|date|source|q|board\.source|verdict|axis|group\.state|est\.tab|delay\.from)\./;
+      /^(place|severity|theme|link|lane|sensor|subject|aid|aidStatus|fix|date|source|q|board\.source|verdict|axis|group\.state|est\.tab|delay\.from|cal\.(?:sensor|kind|is|need|step|check|do|face|pose|value|grade|means|limits|par|card)|learn\.why|chain\.(?:sensor|stage))\.|^learn\.(?:run|apply)(?:Hint)?$/;
     expect(
       Object.keys(en).filter(
         (key) => !composed.test(key) && !all.includes(`"${key}"`) && !all.includes(`'${key}'`),

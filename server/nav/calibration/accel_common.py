@@ -8,12 +8,14 @@ import numpy as np
 
 from server.nav.calibration import grades
 from server.nav.calibration.codes import failure
-from server.nav.calibration.poses import Pose, PoseCollector
+from server.nav.calibration.pose import Pose
+from server.nav.calibration.poses import PoseCollector
 from server.nav.calibration.statistics import rms
 from server.nav.calibration.types import NAN, CalKind, Check, Failure, Fit, Options, Residual, Value
 from server.nav.types import Float
 
 STILL_SHARE = 0.1  # of the time: less is no session of poses
+BLINK_SHARE, BLINK_S = 0.5, 1.2  # as is half of it in poses hardly longer than the shortest that counts
 MOTION_S = 3.0  # no pose in so long: it was moving
 
 
@@ -73,10 +75,12 @@ def length_failure(length: float, gravity: float) -> Failure | None:
 
 
 def moving_failure(collector: PoseCollector, least: int) -> Failure | None:
-    """Return the refusal of a board that hardly ever was still, or was so by chance."""
-    if collector.span_s >= MOTION_S and collector.still_share < STILL_SHARE:
-        return failure("motion", len(collector.poses), least)
-    return None
+    """Return the refusal of a board that hardly ever was still, or for a blink now and then, as a slow hand is."""
+    if collector.span_s < MOTION_S:
+        return None
+    share, held_s = collector.still_share, collector.held_s
+    moving = share < STILL_SHARE or (share < BLINK_SHARE and held_s < BLINK_S)
+    return failure("motion", len(collector.poses), least) if moving else None
 
 
 def residual_before(poses: Sequence[Pose], options: Options) -> Residual:

@@ -16,7 +16,7 @@ from numpy.typing import NDArray
 from scipy.optimize import least_squares
 from scipy.special import stdtrit
 
-from server.nav.calibration.poses import Pose
+from server.nav.calibration.pose import Pose
 from server.nav.types import Float
 
 REFERENCES: Final = np.array([[1, 0, 0], [-1, 0, 0], [0, 1, 0], [0, -1, 0], [0, 0, 1], [0, 0, -1]], dtype=np.float64)
@@ -76,13 +76,25 @@ def normalised(poses: Sequence[Pose], centre: Float, radius: float) -> Normal:
     """Return the poses about the centre in units of the radius."""
     means = np.array([pose.accel for pose in poses])
     noise = np.sqrt(np.array([np.mean(pose.sigma**2) for pose in poses])) / radius
-    noise = np.where(np.isnan(noise), 0.0, noise)  # not known: `blind` says so in the sigma of the result
+    noise = np.where(np.isnan(noise), 0.0, noise)  # not known: `variance_factor` makes up for it
     return Normal(centre=centre, radius=radius, u=(means - centre) / radius, sigma=np.hypot(noise, LENGTH_SIGMA))
 
 
-def blind(poses: Sequence[Pose], spare: int) -> float:
-    """Return 1, or NaN where neither scatter within the poses nor poses to spare show the noise: no sigma then."""
-    return float("nan") if spare < 1 and any(np.isnan(pose.sigma).any() for pose in poses) else 1.0
+def variance_factor(poses: Sequence[Pose], r: Float, spare: int) -> float:
+    """Return what the variances are multiplied by so that they hold for residuals that do not fit the poses' noise.
+
+    Never below 1. When the poses show no noise of their own it comes from the residuals alone, whose few degrees of
+    freedom ν make the parameters follow Student's law, of variance ν / (ν − 2). NaN when there are none: no sigma.
+
+    Args:
+        poses: what was fitted.
+        r: length residuals over their noise.
+        spare: poses beyond what the lengths determine, ν.
+    """
+    own = not any(np.isnan(pose.sigma).any() for pose in poses)
+    if spare < 1 and not own:
+        return float("nan")
+    return max(1.0, float(r @ r) / max(spare if own else spare - 2.0, 1.0 if own else 0.5))
 
 
 def closed_form(faces: Float, gravity: float) -> tuple[Float, Float]:
@@ -155,8 +167,7 @@ def fit_norm(poses: Sequence[Pose], gravity: float) -> AccelFit:
     while (worst := _outlier(jac, r)) >= 0:
         used[np.flatnonzero(used)[worst]] = False
         x, jac, r = _solve_norm(n, used)
-    scale = max(1.0, float(r @ r) / max(len(r) - 9.0, 1.0)) * blind(poses, len(r) - 9)
-    cov = _covariance(jac) * scale
+    cov = _covariance(jac) * variance_factor(poses, r, len(r) - 9)
     more = {"placement_rad": float("nan"), "weights": used.astype(np.float64)}
     return _result(n, x[:3], _symmetric(x[3:]), cov, SYMMETRIC_JAC, gravity, **more)
 
@@ -224,9 +235,7 @@ def fit_faces(poses: Sequence[Pose], faces: Sequence[int], gravity: float) -> Ac
         across = solved.fun[len(poses) :] * placement
         power = PLACEMENT_WEIGHT * PLACEMENT_RAD**2 + float(across @ across)
         placement = float(np.sqrt(power / (PLACEMENT_WEIGHT + max(freedom - 6.0, 1.0))))
-    scale = max(1.0, float(np.sum(solved.fun[: len(poses)] ** 2)) / max(len(poses) - 6.0, 1.0))
-    scale *= blind(poses, len(poses) - 6)
-    cov = _covariance(solved.jac) * scale
+    cov = _covariance(solved.jac) * variance_factor(poses, solved.fun[: len(poses)], len(poses) - 6)
     final = x[3:].reshape(3, 3)
     ones = np.ones(len(poses))
     return _result(n, x[:3], final, cov, np.eye(9), gravity, placement_rad=placement, weights=ones)

@@ -44,11 +44,14 @@ H_SPAN: Final = 11
 H_GYRO: Final = 12  # (3) the last rate, NaN unknown
 H_ANGLE: Final = 15  # (3)
 H_T_GYRO: Final = 18
+H_STEP: Final = 19  # ns, the smallest step of time so far, 0 before there is one
 H_SIZE: Final = 20
 
 W_FIRST, W_SUM, W_SQUARE, W_MIN, W_MAX, W_AT_MIN, W_AT_MAX, W_QUANTUM, W_PREVIOUS = range(9)
 
+CHUNK: Final = 65536  # samples at a time, so that room is made for the blocks that came, not for those that could
 GAP_S: Final = 0.35  # three lost samples at 10 Hz; a turn or a pose is not continued over more
+GAP_STEPS: Final = 3.5  # nor over three lost samples of a slower log
 
 
 @kernel("void(float64[::1], float64[:, ::1], float64[:, ::1], int64)")
@@ -138,11 +141,14 @@ def cut_blocks(
         has_accel = math.isfinite(row[3]) and math.isfinite(row[4]) and math.isfinite(row[5])
         if not ((has_gyro or needs == 1) and (has_accel or needs == 0)) or (h[H_SEEN] > 0.0 and t == h[H_T_LAST]):
             continue
-        if h[H_SEEN] > 0.0 and (t < h[H_T_LAST] or t - h[H_T_LAST] > GAP_S * 1e9):
+        step = t - h[H_T_LAST]
+        if h[H_SEEN] > 0.0 and (step < 0.0 or step > max(GAP_S * 1e9, GAP_STEPS * h[H_STEP])):
             if h[H_OPEN] >= least_n:
                 _emit(h, w, out, done)
                 done += 1
             _break(h)
+        if h[H_SEEN] > 0.0 and step > 0.0 and (step < h[H_STEP] or h[H_STEP] == 0.0):
+            h[H_STEP] = step
         if h[H_OPEN] == 0.0:
             h[H_T0], h[H_TEMP], h[H_TEMPS], h[H_GYROS], h[H_ACCELS] = t, 0.0, 0.0, 0.0, 0.0
             h[H_FIRST] = h[H_ROW] - 1.0
@@ -188,12 +194,16 @@ class BlockTable:
 
     def feed(self, t_ns: Int, rows: Float) -> None:
         """Take samples, rows as in `SAMPLE_COLUMNS[Kind.IMU]`."""
+        t, data = np.ascontiguousarray(t_ns, dtype=np.int64), np.ascontiguousarray(rows, dtype=np.float64)
+        for at in range(0, len(t), CHUNK):
+            self._take(t[at : at + CHUNK], data[at : at + CHUNK])
+
+    def _take(self, t_ns: Int, rows: Float) -> None:
         most = self._used + int((self._head[H_OPEN] + len(t_ns)) / self._least_n) + 1
         if most > len(self._rows):
             self._rows = np.concatenate([self._rows, np.empty((max(most - self._used, self._used), B_SIZE))])
         out = self._rows[self._used :]
-        t, data = np.ascontiguousarray(t_ns, dtype=np.int64), np.ascontiguousarray(rows, dtype=np.float64)
-        self._used += cut_blocks(t, data, self._needs, self._least_n, self._least_s, self._head, self._work, out)
+        self._used += cut_blocks(t_ns, rows, self._needs, self._least_n, self._least_s, self._head, self._work, out)
 
     def flush(self) -> None:
         """Complete the open block however short it is: the stream, or the range that was asked for, ends here."""
@@ -226,11 +236,7 @@ class BlockTable:
             largest: what a step may be; two poses without noise differ by much more than one.
         """
         step = float(self.quantum[at : at + 3].min())
-        ends = self.rows[:, [*range(B_MIN + at, B_MIN + at + 3), *range(B_MAX + at, B_MAX + at + 3)]]
-        if step <= largest:
-            return step
-        whole = len(ends) > 0 and bool((np.abs(ends[np.isfinite(ends)] % 1.0) == 0.0).all())
-        return 1.0 if whole and largest >= 1.0 else 0.0
+        return step if step <= largest else 0.0
 
     @property
     def quantum(self) -> Float:

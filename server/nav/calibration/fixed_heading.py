@@ -6,15 +6,14 @@ cannot tell soft iron from hard: the offset is right near this heading and wrong
 
 from __future__ import annotations
 
-import math
 from collections.abc import Mapping
 from typing import Final
 
 import numpy as np
 
 from server.nav.calibration.codes import failure
+from server.nav.calibration.running_sums import RunningSums
 from server.nav.calibration.types import CalKind, Check, Failure, Fit, Grade, Options, Progress, Residual, Value
-from server.nav.kernel import kernel
 from server.nav.types import Float, Int, Kind
 
 ENOUGH_S: Final = 5.0
@@ -29,49 +28,6 @@ FIELD_SIGMA: Final = 0.005  # of the model's strength
 FIELD_SIGMA_RAD: Final = float(np.radians(1.0))  # of its direction; both are what the crust adds to the model
 GOOD, FAIR = 0.04, 0.08  # grades: length of σ over the field
 MAG_STILL: Final = 0.05  # of the field: RMS of the readings about their mean
-
-
-@kernel("int64(float64[:, ::1], int64, int64, float64[::1], float64[::1])")
-def add_rows(rows: Float, first: int, count: int, mean: Float, square: Float) -> int:
-    """Add rows to a running mean and sum of squares about it (Welford), one by one; return how many there are now.
-
-    Args:
-        rows: shape (n, > first + c).
-        first: the column of the first of the c values.
-        count: rows in the mean so far.
-        mean, square: shape (c,), changed in place.
-    """
-    width = mean.shape[0]
-    for k in range(rows.shape[0]):
-        known = True
-        for i in range(width):
-            known = known and math.isfinite(rows[k, first + i])
-        if not known:
-            continue
-        count += 1
-        for i in range(width):
-            step = rows[k, first + i] - mean[i]
-            mean[i] += step / count
-            square[i] += step * (rows[k, first + i] - mean[i])
-    return count
-
-
-class _Sums:
-    """Count, mean and scatter of a stream of vectors, in constant memory."""
-
-    def __init__(self, width: int) -> None:
-        self.count = 0
-        self.mean = np.zeros(width)
-        self._square = np.zeros(width)
-
-    def feed(self, rows: Float, first: int) -> None:
-        """Take the columns from `first` on; rows with an unknown one are left out."""
-        self.count = add_rows(np.ascontiguousarray(rows), first, self.count, self.mean, self._square)
-
-    @property
-    def scatter(self) -> Float:
-        """Standard deviation of each column."""
-        return np.sqrt(self._square / max(self.count - 1, 1))
 
 
 class MagFixedHeading:
@@ -97,7 +53,7 @@ class MagFixedHeading:
         self._start()
 
     def _start(self) -> None:
-        self._mag, self._imu, self._first = _Sums(3), _Sums(6), _Sums(3)
+        self._mag, self._imu, self._first = RunningSums(3), RunningSums(6), RunningSums(3)
         self._from_ns = -1
 
     def feed(self, kind: Kind, t_ns: Int, rows: Float) -> None:

@@ -11,7 +11,7 @@ from server.nav.calibration import grades
 from server.nav.calibration.blocks import B_MEAN, B_N, B_T0, B_T1, B_TEMPERATURE, B_VAR, BlockTable
 from server.nav.calibration.codes import failure
 from server.nav.calibration.statistics import mean_sigma, weighted_mean, with_resolution
-from server.nav.calibration.stillness import Scale, StillLimits, scale_of_counts, still_runs
+from server.nav.calibration.stillness import Scale, StillLimits, count_step, scale_of_counts, still_runs
 from server.nav.calibration.types import NAN, CalKind, Check, Failure, Fit, Grade, Options, Progress, Residual, Value
 from server.nav.types import Float, Int, Kind
 
@@ -71,11 +71,18 @@ class GyroBias:
 
     def _rest(self) -> Float:
         """Return the blocks of the longest rest; the latest of equals."""
-        runs = self._runs()
+        blocks = self._table.rows
+        runs = [run for run in self._runs() if self._is_plausible(blocks[slice(*run)])] or self._runs()
         if not runs:
-            return self._table.rows[:0]
+            return blocks[:0]
         a, b = max(runs, key=lambda run: (run[1] - run[0], run[0]))
-        return self._table.rows[a:b]
+        return blocks[a:b]
+
+    def _is_plausible(self, rest: Float) -> bool:
+        """Return whether a rest can be one: the steady turn of a table is as quiet, but faster than any bias."""
+        rates, n = rest[:, B_MEAN : B_MEAN + 3], rest[:, B_N]
+        worst = float(np.abs(weighted_mean(rates, n)).max())
+        return self._options.unit == "raw" or worst <= grades.GYRO_BIAS_MAX_RAD_S
 
     def _restarts(self) -> int:
         """Return how many rests of half a second or more a move ended."""
@@ -142,7 +149,7 @@ class GyroBias:
         rates, n = rest[:, B_MEAN : B_MEAN + 3], rest[:, B_N]
         bias = weighted_mean(rates, n)
         std = np.sqrt(weighted_mean(rest[:, B_VAR : B_VAR + 3], n))
-        step = self._table.resolution(0, LARGEST_STEP_RAD_S if self._options.unit == "si" else LARGEST_STEP_COUNTS)
+        step = self._step()
         sigma = with_resolution(mean_sigma(rates, rest[:, B_VAR : B_VAR + 3], n), std, step)
         batches = _batches(rates, n)
         unit = "rad/s" if self._options.unit == "si" else "counts"
@@ -159,6 +166,11 @@ class GyroBias:
             temperature_degc=float(warm.mean()) if warm.size else NAN,
             details={"rest_s": _span_s(rest), "restarts": float(self._restarts())},
         )
+
+    def _step(self) -> float:
+        if self._options.unit == "si":
+            return self._table.resolution(0, LARGEST_STEP_RAD_S)
+        return self._table.resolution(0, LARGEST_STEP_COUNTS) or count_step(self._table.rows, 0)
 
     def _grade(self, bias: Float, sigma: Float) -> Grade:
         if self._options.unit == "raw":  # the unit of the limits is not known: judged by time alone, as white noise

@@ -30,6 +30,7 @@ from server.nav.types import Float, Int
 REST_ANGLE_RAD: Final = 0.5 * np.pi  # in SI: what turned by less than a quarter was at rest
 REST_SHARE: Final = 0.1  # of the fastest mean rate, in counts
 REST_STIR: Final = 0.1  # of the fastest mean rate: RMS about the mean of a range that may be a rest
+QUIET_SHARE: Final = 0.3  # of the liveliest range
 UNKNOWN_BIAS_RAD_S: Final = 0.02  # 1σ: MEMS data sheets promise ±1 °/s at best
 GAP_STEPS: Final = 3.0  # of the usual step; a slow log has no holes everywhere
 
@@ -146,25 +147,40 @@ def _table(t_ns: Int, rows: Float) -> BlockTable:
     return table
 
 
-def _is_rest(parts: Sequence[Stretch], bias: Float | None, unit: str) -> list[bool]:
-    """Return which ranges are rests: steady, and as slow as a bias; with nothing to compare, none in counts."""
-    if not parts:
-        return []
+def _quietest(parts: Sequence[Stretch], unit: str) -> Float | None:
+    """Return the mean rate of the range that is at rest when the stream outside shows none; None when that is open.
+
+    In SI it is the slowest, if no faster than any bias. In counts it is one much nearer to zero than another, or much
+    steadier; two steady turns in either sense must not be taken for a turn and its rest.
+    """
+    means = np.array([float(np.linalg.norm(part.mean)) for part in parts])
     stir = np.array([float(np.linalg.norm(part.stir)) for part in parts])
+    slowest, steadiest = parts[int(np.argmin(means))].mean, parts[int(np.argmin(stir))].mean
+    if unit == "si":
+        return slowest if means.min() <= grades.GYRO_BIAS_MAX_RAD_S else None
+    if means.min() < QUIET_SHARE * means.max():
+        return slowest
+    return steadiest if stir.min() < QUIET_SHARE * stir.max() else None
+
+
+def _is_rest(parts: Sequence[Stretch], bias: Float | None, unit: str) -> list[bool]:
+    """Return which ranges are rests: steady, and as slow as a bias; none when no bias is known."""
+    bias = _quietest(parts, unit) if bias is None and parts else bias
     if bias is None:
-        means = np.array([float(np.linalg.norm(part.mean)) for part in parts])
-        quiet = parts[int(np.argmin(means if unit == "si" else stir))]
-        bias = np.zeros(3) if unit == "si" and means.min() > grades.GYRO_BIAS_MAX_RAD_S else quiet.mean
+        return [False] * len(parts)
+    stir = np.array([float(np.linalg.norm(part.stir)) for part in parts])
     rate = np.array([float(np.linalg.norm(part.mean - bias)) for part in parts])
-    lively = float(max(rate.max(), stir.max()))
+    lively = max(float(np.max(rate, initial=0.0)), float(np.max(stir, initial=0.0)))
     slow = rate <= REST_SHARE * lively
     if unit == "si":
         slow = rate * np.array([part.span_s for part in parts]) < REST_ANGLE_RAD
     return [bool(s and x <= max(REST_STIR * lively, 1e-300)) for s, x in zip(slow, stir, strict=True)]
 
 
-def given_movements(t_ns: Int, rows: Float, ranges: Sequence[tuple[int, int]], unit: str) -> list[Movement]:
-    """Return the turns of explicit sample ranges, each over exactly its samples.
+def given_movements(
+    t_ns: Int, rows: Float, ranges: Sequence[tuple[int, int]], unit: str
+) -> tuple[list[Movement], bool]:
+    """Return the turns of explicit sample ranges, each over exactly its samples, and whether a bias is known.
 
     Args:
         t_ns: shape (n,).
@@ -187,10 +203,10 @@ def given_movements(t_ns: Int, rows: Float, ranges: Sequence[tuple[int, int]], u
         nobody = Rest(start=0, end=0, bias=np.zeros(3), sigma=np.full(3, UNKNOWN_BIAS_RAD_S))
         rests = [Known(first=0, end=0, rest=nobody, std=np.zeros(3))]
     if not rests or not turns:
-        return []
+        return [], bool(rests)
     whole = _table(t_ns, rows)
     whole.flush()
-    return [_movement(part, rests, whole, t_ns, rows) for part in turns]
+    return [_movement(part, rests, whole, t_ns, rows) for part in turns], True
 
 
 def _movement(part: Stretch, rests: Sequence[Known], whole: BlockTable, t_ns: Int, rows: Float) -> Movement:

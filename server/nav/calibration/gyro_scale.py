@@ -50,6 +50,7 @@ class GyroScale:
         self._options = options
         self._table = new_table()
         self._given: list[Movement] | None = None
+        self._given_rest = False
         self._known: tuple[int, list[Rest], list[Movement]] = (-1, [], [])
 
     def feed(self, kind: Kind, t_ns: Int, rows: Float) -> None:
@@ -62,7 +63,7 @@ class GyroScale:
 
         Ranges at rest among them are recognised and give the bias; without one the rests of the stream do.
         """
-        self._given = given_movements(t_ns, rows, ranges, self._options.unit)
+        self._given, self._given_rest = given_movements(t_ns, rows, ranges, self._options.unit)
         self.feed(Kind.IMU, t_ns, rows)
         return self.fit()
 
@@ -131,7 +132,7 @@ class GyroScale:
     def _failure(self, movements: Sequence[Movement], turns: Sequence[Turn]) -> Failure | None:
         if self._table.samples == 0:
             return failure("no-data")
-        if not movements and not self._seen()[0]:
+        if not movements and not (self._given_rest if self._given is not None else self._seen()[0]):
             return failure("motion")
         moved = [turn.movement for turn in turns] or movements
         share = max((float(m.saturated[m.axis]) for m in moved), default=0.0)

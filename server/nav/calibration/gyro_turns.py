@@ -26,7 +26,7 @@ from server.nav.calibration.blocks import (
 )
 from server.nav.calibration.statistics import mean_sigma, weighted_mean
 from server.nav.calibration.stillness import Scale, StillLimits, scale_of_counts, still_runs
-from server.nav.types import Float, Int
+from server.nav.types import Float
 
 BLOCK_SAMPLES: Final = 4
 BLOCK_S: Final = 0.1

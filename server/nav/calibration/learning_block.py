@@ -7,7 +7,6 @@ from typing import Final
 
 from server.nav.calibration.learning_filter import correct, hold_still, judge, predict, widen
 from server.nav.calibration.learning_judge import compare, doubt2, suspect, usual2
-from server.nav.calibration.learning_strength import departure2, learn_unevenness, remember_strength
 from server.nav.calibration.learning_layout import (
     C_A_Q,
     C_A_S,
@@ -33,6 +32,7 @@ from server.nav.calibration.learning_layout import (
     K_PATCH_RAD,
     N,
 )
+from server.nav.calibration.learning_strength import departure2, learn_unevenness, remember_strength
 from server.nav.kernel import kernel
 from server.nav.rotation import quat_mul, rotvec_from_quat
 from server.nav.types import Float
@@ -104,9 +104,14 @@ def _rested(s: Float, c: Float, par: Float, filters: int) -> None:
     """Use a still block: the gyro tells its bias, the field is followed wherever it goes, the offset is not touched."""
     variance = c[C_WHITE2] / c[C_B_N]
     _learn_white(c, par)
-    y2, known2 = judge(s[0], c)
-    if y2 > GATE * (usual2(c) + known2):
-        suspect(s, c, y2)
+    least2 = 1e9
+    for h in range(filters):
+        y2, known2 = judge(s[h], c)
+        if y2 < GATE * (usual2(c) + known2):
+            least2 = 0.0
+        least2 = min(least2, y2)
+    if least2 > 0.0:  # none explains it
+        suspect(s, c, least2)
         filters = 2
     for h in range(filters):
         hold_still(s[h], c, ZERO_RATE_RAD_S)

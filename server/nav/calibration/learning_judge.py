@@ -7,7 +7,6 @@ and time is believed, the first before the second. While neither does, the distu
 
 from __future__ import annotations
 
-import math
 from typing import Final
 
 from server.nav.calibration.learning_filter import correct, judge, widen
@@ -51,7 +50,9 @@ BETTER: Final = 2.5  # by less than this, and AS_WELL, the other explanation is 
 CHANGE_AGREE: Final = 1.5  # another offset must explain better, for longer, the oftener others have failed
 CHANGE_RAD: Final = 5.0
 CHANGE_S: Final = 4.0
+FAR_OFF: Final = 15.0  # innovation² over an undisturbed one's, of the offset that was held
 MOST_PROOF: Final = 8.0  # two failures double the turning and time that are asked for, up to this multiple
+KNOWN: Final = 6.0  # a reading tells when the filter's own doubt of it is within this multiple of an undisturbed one's
 HOPELESS: Final = 4.0  # an offset that explains so little after CHANGE_RAD is given up at once
 RELAPSE_S: Final = 30.0  # a contradiction so soon after the last is the same one
 TRY_FACTOR: Final = 3.0  # an offset that has not explained the readings after this multiple of it is given up
@@ -112,6 +113,13 @@ def _believe_second(s: Float, c: Float) -> None:
         s[0, i] = s[1, i]
 
 
+@kernel("void(float64[:, ::1])")
+def _doubt_as_second(s: Float) -> None:
+    """Keep the first filter's values with the second's covariance: what no turn so far would show may have changed."""
+    for i in range(N * N):
+        s[0, F_P + i] = s[1, F_P + i]
+
+
 @kernel("void(float64[::1], float64, float64, float64, float64)")
 def _account(s: Float, excess: float, told: float, rad: float, dt: float) -> None:
     """Average the contradiction over the turning in which the filter's own doubt is small enough to tell."""
@@ -130,11 +138,12 @@ def _is_room(s: Float, factor: float) -> bool:
     return bool(long_enough and s[0, F_E] < min(AGREE, AS_WELL + BETTER * s[1, F_E]))
 
 
-@kernel("boolean(float64[::1], float64)")
+@kernel("boolean(float64[:, ::1], float64)")
 def _is_body(s: Float, factor: float) -> bool:
-    """True when another constant offset explains the readings."""
-    long_enough = s[F_E_RAD] > CHANGE_RAD * factor and s[F_E_S] > CHANGE_S * factor
-    return bool(long_enough and s[F_E] < CHANGE_AGREE and s[F_E_ALL] < CHANGE_AGREE)
+    """True when another constant offset explains the readings; where the held one is far off, less turning tells."""
+    rad = CHANGE_RAD * factor * (0.5 if s[0, F_E] > FAR_OFF and s[0, F_E_ALL] > FAR_OFF else 1.0)
+    long_enough = s[1, F_E_RAD] > rad and s[1, F_E_S] > CHANGE_S * factor
+    return bool(long_enough and s[1, F_E] < CHANGE_AGREE and s[1, F_E_ALL] < CHANGE_AGREE)
 
 
 @kernel("void(float64[:, ::1], float64[::1], float64[::1], float64, float64, float64)")
@@ -144,20 +153,22 @@ def compare(s: Float, c: Float, par: Float, variance: float, rad: float, dt: flo
     for h in range(2):
         y2, known2 = judge(s[h], c)
         uneven = departure2(s[h], c) / (usual / 3.0 + doubt2(s[h]))
-        _account(s[h], max(y2 / (usual + known2), uneven), usual / 3.0 - doubt2(s[h]), rad, dt)
+        _account(s[h], max(y2 / (usual + known2), uneven), KNOWN * usual - known2, rad, dt)
         correct(s[h], c, variance, OFFSET if h == 1 else FIELD, N)
     remember_strength(c, rad)
     c[C_TRY_RAD] += rad
     c[C_TRY_S] += dt
     factor = min(2.0 ** (0.5 * c[C_REFUSED]), MOST_PROOF)
     if _is_room(s, factor):
+        _doubt_as_second(s)
         c[C_SUSPECT], c[C_T_TRUSTED] = 0.0, c[C_T]
-    elif _is_body(s[1], factor):
+    elif _is_body(s, factor):
         _believe_second(s, c)
         c[C_SUSPECT], c[C_T_TRUSTED] = 0.0, c[C_T]
     elif (s[1, F_E_RAD] > CHANGE_RAD and s[1, F_E] > HOPELESS) or (
         c[C_TRY_RAD] > TRY_FACTOR * CHANGE_RAD * factor and c[C_TRY_S] > TRY_FACTOR * CHANGE_S * factor
     ):
         c[C_REFUSED] += 1.0
+        c[C_T_JUMP] = c[C_T] - 1e9 * c[C_TRY_S]
         c[C_PATCH2] = min(WORSE * c[C_PATCH2], par[K_PATCH_MAX] ** 2)
         open_second(s, c, c[C_JUMP2])

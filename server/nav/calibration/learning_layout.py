@@ -50,10 +50,7 @@ C_B_W: Final = 36  # (3) Σ R ω
 C_B_Z2: Final = 39  # Σ |m|²
 C_B_SIZE: Final = 31
 # Between blocks.
-C_A_Q: Final = 64  # (4) q_ib where the offset was last learned from
-C_A_S: Final = 68  # s since
-C_WHITE2: Final = 69  # white noise of one sample, gauss² per axis, and how many samples told it
-C_WHITE_N: Final = 70
+C_A_Q: Final = 40  # (4) q_ib where the offset was last learned from
 C_STILL: Final = 44  # 1 = the last block was at rest
 C_STILL_S: Final = 45
 C_PATCH2: Final = 46  # unevenness of the field and of the sensor, gauss² per axis
@@ -70,7 +67,10 @@ C_REFUSED: Final = 60  # constant offsets that failed, and agreements that did n
 C_CHANGES: Final = 61
 C_T_CHANGED: Final = 62
 C_T_TRUSTED: Final = 63  # end of the last contradiction, ns
-C_U: Final = 71  # (4) mean of (R̄ᵀ z, |z|²), `learning_strength`
+C_A_S: Final = 64  # s since the offset was last learned from
+C_WHITE2: Final = 65  # white noise of one sample, gauss² per axis
+C_WHITE_N: Final = 66  # samples that told it, bounded
+C_U: Final = 67  # (4) mean of (R̄ᵀ z, |z|²), `learning_strength`
 C_U_P: Final = C_U + 4  # (4, 4) and its covariance
 C_U_RAD: Final = C_U_P + 16  # turning that they were taken over, bounded, rad
 C_U_SIZE: Final = 21
@@ -85,7 +85,7 @@ NEVER_NS: Final = -1e18
 
 # Parameters.
 K_DELAY: Final = 0  # s, magnetometer: a sample stamped t is valid at t − delay
-K_NOISE: Final = 1  # gauss, white, of one sample
+K_NOISE: Final = 1  # gauss, white, of one sample, until rest has told it
 K_PATCH: Final = 2  # gauss, first guess at the unevenness
 K_PATCH_MIN: Final = 3
 K_PATCH_MAX: Final = 4
@@ -105,14 +105,14 @@ def default_parameters() -> Float:
     """Return the defaults, shape (K_SIZE,): consumer MEMS, indoors or in the air; orders of magnitude, not tuned."""
     k = np.zeros(K_SIZE)
     k[K_NOISE] = 0.007  # as in the attitude mode; BROAD's sensor at rest shows 6.8 mG
-    k[K_PATCH] = 0.02
-    k[K_PATCH_MIN] = 0.006
+    k[K_PATCH] = 0.012  # between a flight in the open and a room
+    k[K_PATCH_MIN] = 0.001  # a good sensor in the open air
     k[K_PATCH_MAX] = 0.02  # a place more uneven than that is a disturbance
-    k[K_PATCH_RAD] = 0.7
+    k[K_PATCH_RAD] = 1.0
     k[K_OFFSET_SIGMA] = 0.5  # an uncalibrated board beside its power wires
-    k[K_OFFSET_WALK] = 0.12  # soft iron and places recur: no offset is known to better than about a quarter of it
+    k[K_OFFSET_WALK] = 0.15  # soft iron and places recur: no offset is known to better than about a quarter of it
     k[K_FIELD_WALK] = 1.5e-3  # 20 mG within a room crossed in some minutes, as in the attitude mode
-    k[K_TURN] = 0.03  # 1 to 3 % of scale and misalignment, and turns between samples
+    k[K_TURN] = 0.01  # 1 % of scale and misalignment, and turns between samples
     k[K_GYRO_NOISE] = 1e-3
     k[K_GYRO_SIGMA] = 0.03  # 1 to 2 °/s as left by the factory
     k[K_GYRO_WALK] = 1e-4

@@ -7,7 +7,6 @@ from typing import Final
 
 from server.nav.calibration.learning_block import TURN_RAD, close_block, turned_since
 from server.nav.calibration.learning_filter import widen
-from server.nav.calibration.learning_strength import reading
 from server.nav.calibration.learning_layout import (
     C_A_Q,
     C_B_DT,
@@ -21,12 +20,12 @@ from server.nav.calibration.learning_layout import (
     C_B_Z,
     C_B_Z2,
     C_HEAD,
+    C_P,
+    C_P_N,
     C_PATCH2,
     C_Q,
     C_RING,
     C_STARTED,
-    C_P,
-    C_P_N,
     C_T,
     C_W,
     C_WHITE2,
@@ -45,6 +44,7 @@ from server.nav.calibration.learning_layout import (
     RING_COLUMNS,
     N,
 )
+from server.nav.calibration.learning_strength import reading
 from server.nav.codes import FUSED, MAG, REFUSED_DISTURBED
 from server.nav.ekf.layout import M_DATA, M_KIND, M_STATUS, M_STEP, M_T, U_DT, U_DTHETA, U_GAP_S, U_T
 from server.nav.kernel import kernel
@@ -176,7 +176,7 @@ def _same_field(c: Float) -> bool:
     limit += STILL_RAD_S * c[C_B_DT] * math.sqrt(p[3])
     change2 = (p[0] - c[C_P]) ** 2 + (p[1] - c[C_P + 1]) ** 2 + (p[2] - c[C_P + 2]) ** 2
     c[C_P], c[C_P + 1], c[C_P + 2], c[C_P_N] = p[0], p[1], p[2], n
-    return before == 0.0 or change2 < limit * limit
+    return bool(before == 0.0 or change2 < limit * limit)
 
 
 @kernel("boolean(float64[::1], float64[:, ::1])")
@@ -192,7 +192,7 @@ def _still(c: Float, s: Float) -> bool:
         rate2 += (c[C_B_TURN + i] / c[C_B_DT] - s[0, F_X + GYRO + i]) ** 2
         doubt2 = max(doubt2, s[0, F_P + (N + 1) * (GYRO + i)])
     rate = math.sqrt(rate2)
-    return rate < STILL_RAD_S or (same and rate < STILL_RAD_S + 2.0 * math.sqrt(doubt2))
+    return bool(rate < STILL_RAD_S or (same and rate < STILL_RAD_S + 2.0 * math.sqrt(doubt2)))
 
 
 @kernel("void(float64[:, ::1], float64[:, ::1], float64[::1], float64[:, ::1], float64[::1])")

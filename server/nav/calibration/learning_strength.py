@@ -34,7 +34,7 @@ from server.nav.types import Float
 MEMORY_RAD: Final = 20.0  # turning over which it is averaged
 FREE: Final = 4.0  # numbers that a fit of strength and offset takes from the data
 ALIKE_RAD: Final = 0.35  # turning after which another reading tells something new
-BELIEF: Final = 1.0  # readings that the first guess at the unevenness counts for
+BELIEF: Final = 0.7  # readings that the first guess at the unevenness counts for
 RIDGE2: Final = 1e-6  # gauss²: directions in which the readings hardly differ fit nothing
 
 

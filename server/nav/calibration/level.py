@@ -10,7 +10,8 @@ import numpy as np
 from server.nav.calibration import grades
 from server.nav.calibration.accel_common import early_failure, refused, temperature_of
 from server.nav.calibration.codes import failure
-from server.nav.calibration.poses import Pose, PoseCollector
+from server.nav.calibration.pose import Pose
+from server.nav.calibration.poses import PoseCollector
 from server.nav.calibration.stillness import StillLimits
 from server.nav.calibration.types import NAN, CalKind, Check, Failure, Fit, Options, Progress, Residual, Value
 from server.nav.types import Float, Int, Kind
@@ -122,13 +123,17 @@ class Level:
 
 
 def _matrix_sigma(matrix: Float, pose: Pose) -> Float:
-    """Return 1σ of each entry by the derivative of `level_matrix`; NaN for the one that is 0 by definition."""
+    """Return 1σ of each entry; NaN for the one that is 0 by definition.
+
+    A third of the change that three sigma of each axis make, the larger of both senses: where an entry is at its
+    largest (the cosine of no tilt) the derivative is 0, but the entry is not known exactly.
+    """
     var = np.zeros((3, 3))
-    step = 1e-4 * float(np.linalg.norm(pose.accel))
     for i in range(3):
-        moved = pose.accel.copy()
-        moved[i] += step
-        var += ((level_matrix(moved)[0] - matrix) / step * pose.sigma[i]) ** 2
+        away = np.zeros(3)
+        away[i] = 3.0 * pose.sigma[i]
+        changes = [np.abs(level_matrix(pose.accel + sign * away)[0] - matrix) for sign in (1.0, -1.0)]
+        var += (np.maximum(*changes) / 3.0) ** 2
     sigma = np.sqrt(var)
     sigma[1, 0] = NAN  # gravity does not show the turn about the vertical; this entry of the convention fixes it
     return np.asarray(sigma)

@@ -21,7 +21,8 @@ from server.nav.calibration.accel_common import (
 from server.nav.calibration.accel_fit import AccelFit, fit_norm, sphere
 from server.nav.calibration.accel_spread import amplification, distinct, farthest, uncovered
 from server.nav.calibration.codes import failure
-from server.nav.calibration.poses import POSE_S, Pose, PoseCollector
+from server.nav.calibration.pose import Pose
+from server.nav.calibration.poses import POSE_S, PoseCollector
 from server.nav.calibration.statistics import directions, rms
 from server.nav.calibration.types import CalKind, Check, Failure, Fit, Options, Progress, Residual, Value
 from server.nav.types import Float, Int, Kind
@@ -113,6 +114,7 @@ class MultiPose:
         worst_sigma = _worst_sigma(found, self._options.gravity_m_s2)
         why = _bad_fit(found, believed, after, worst_sigma)
         if why is not None:
+            why = moving_failure(self._poses, grades.POSES_LEAST) or why
             more = {"coverage": coverage, "residual_before": before}
             return refused(KIND, why, self._poses, residual_after=Residual(value=after, unit="m/s²"), **more)
         upper = triangular(found.matrix)

@@ -3,152 +3,25 @@
 from __future__ import annotations
 
 from collections.abc import Sequence
-from dataclasses import dataclass, replace
 from typing import Final
 
 import numpy as np
 
-from server.nav.calibration.blocks import (
-    B_AT_MAX,
-    B_AT_MIN,
-    B_FIRST,
-    B_GYROS,
-    B_MAX,
-    B_MEAN,
-    B_MIN,
-    B_N,
-    B_T0,
-    B_T1,
-    B_TEMPERATURE,
-    B_VAR,
-    BlockTable,
-)
-from server.nav.calibration.statistics import mean_sigma, weighted_mean, with_resolution
-from server.nav.calibration.stillness import Scale, StillLimits, block_std, scale_of_counts, still_runs
+from server.nav.calibration.blocks import B_MAX, B_MIN, B_T0, B_T1, BlockTable
+from server.nav.calibration.pose import Pose, joined, mean_of, pose_of, rounded, stir_of, with_common_noise
+from server.nav.calibration.stillness import Scale, StillLimits, count_step, scale_of_counts, still_runs
 from server.nav.calibration.types import Options
 from server.nav.types import Float, Int, Kind
 
 BLOCK_S: Final = 0.2  # long enough that the slow turning of a hand shows, short enough for a pose of a second
 BLOCK_SAMPLES: Final = 4
 SAME_POSE: Final = 0.02  # of g: neighbours that near (1.1°) are one pose with a bump in it
-STIRRED: Final = 2.5  # times the median: an eighth of a percent of white noise in three axes of four samples
 SATURATED_SHARE: Final = 0.3
 LARGEST_STEP: Final = 0.02  # of g: ±2 g in 8 bits
 SATURATED_SAMPLES: Final = 12
 CLIPPED_STD: Final = 0.65  # half a normal distribution at a stop keeps 0.58 of its scatter
 OPEN_BLOCKS: Final = 3
-FEW_SAMPLES: Final = 10  # below, the own scatter of a pose is not worth much
 POSE_S: Final = 5 * BLOCK_S  # shortest pose
-
-
-@dataclass(frozen=True, slots=True, kw_only=True, eq=False)
-class Pose:
-    """One still run, its first and last block left out.
-
-    Attributes:
-        accel, gyro: shape (3,), mean in the unit of the data; gyro NaN without one.
-        sigma: shape (3,), 1σ of the mean accelerometer.
-        std: shape (3,), scatter of its samples.
-        low, high: shape (3,), extreme values, and `at_low`, `at_high` the samples exactly there.
-        t0_ns, t1_ns, first: board time, and the number of its first sample in the stream.
-    """
-
-    accel: Float
-    gyro: Float
-    sigma: Float
-    std: Float
-    low: Float
-    high: Float
-    at_low: Float
-    at_high: Float
-    samples: int
-    t0_ns: int
-    t1_ns: int
-    first: int
-    temperature_degc: float
-
-
-def _extreme(values: Float, counts: Float, pick: np.ufunc) -> tuple[Float, Float]:
-    best = pick.reduce(values, axis=0)
-    return best, np.where(values == best, counts, 0.0).sum(axis=0)
-
-
-def pose_of(blocks: Float) -> Pose:
-    """Return the pose that these blocks are."""
-    n = blocks[:, B_N]
-    mean, var = blocks[:, B_MEAN : B_MEAN + 6], blocks[:, B_VAR : B_VAR + 6]
-    with_gyro = blocks[:, B_GYROS] > 0.0
-    gyro = weighted_mean(mean[with_gyro, :3], blocks[with_gyro, B_GYROS]) if with_gyro.any() else np.full(3, np.nan)
-    low, at_low = _extreme(blocks[:, B_MIN + 3 : B_MIN + 6], blocks[:, B_AT_MIN + 3 : B_AT_MIN + 6], np.minimum)
-    high, at_high = _extreme(blocks[:, B_MAX + 3 : B_MAX + 6], blocks[:, B_AT_MAX + 3 : B_AT_MAX + 6], np.maximum)
-    warm = blocks[np.isfinite(blocks[:, B_TEMPERATURE]), B_TEMPERATURE]
-    return Pose(
-        accel=weighted_mean(mean[:, 3:], n),
-        gyro=gyro,
-        sigma=mean_sigma(mean[:, 3:], var[:, 3:], n),
-        std=np.sqrt(weighted_mean(var[:, 3:], n)),
-        low=low,
-        high=high,
-        at_low=at_low,
-        at_high=at_high,
-        samples=int(n.sum()),
-        t0_ns=int(blocks[0, B_T0]),
-        t1_ns=int(blocks[-1, B_T1]),
-        first=int(blocks[0, B_FIRST]),
-        temperature_degc=float(warm.mean()) if warm.size else float("nan"),
-    )
-
-
-def _rounded(pose: Pose, step: float) -> Pose:
-    """Return the pose with the rounding of the sensor in its 1σ."""
-    return replace(pose, sigma=with_resolution(pose.sigma, pose.std, step))
-
-
-def with_common_noise(poses: Sequence[Pose]) -> list[Pose]:
-    """Return poses of few samples with the noise that all of them show together; NaN where none shows any.
-
-    One sample shows no scatter, two or three show it badly: their 1σ is at least that of the pooled scatter.
-    """
-    freedom = float(sum(pose.samples - 1 for pose in poses))
-    power = sum(((pose.samples - 1) * pose.std**2 for pose in poses), np.zeros(3))
-    common = np.sqrt(power / freedom) if freedom > 0.0 else np.full(3, np.nan)
-    few = [pose.samples < FEW_SAMPLES for pose in poses]
-    least = [np.maximum(pose.sigma, common / np.sqrt(pose.samples)) for pose in poses]
-    return [
-        replace(pose, sigma=sigma) if is_few else pose for pose, sigma, is_few in zip(poses, least, few, strict=True)
-    ]
-
-
-def stir_of(blocks: Float) -> float:
-    """Return the RMS over three axes of the samples about their mean."""
-    n, mean = blocks[:, B_N], blocks[:, B_MEAN + 3 : B_MEAN + 6]
-    spread = blocks[:, B_VAR + 3 : B_VAR + 6] + (mean - weighted_mean(mean, n)) ** 2
-    return float(np.sqrt(weighted_mean(spread, n).mean()))
-
-
-def _inner(table: Float, runs: Sequence[tuple[int, int]], near: float) -> list[Float]:
-    """Return the blocks of each pose without its ends; neighbours alike are joined."""
-    out: list[Float] = []
-    for a, b in runs:
-        blocks = quiet_part(table[a + 1 : b - 1])
-        if out and np.linalg.norm(_mean(out[-1]) - _mean(blocks)) <= near:
-            out[-1] = np.concatenate([out[-1], blocks])
-        else:
-            out.append(blocks)
-    return out
-
-
-def _mean(blocks: Float) -> Float:
-    return weighted_mean(blocks[:, B_MEAN + 3 : B_MEAN + 6], blocks[:, B_N])
-
-
-def quiet_part(blocks: Float) -> Float:
-    """Return the blocks without those that a bump or the edge of a move stirred, judged by the pose's own median."""
-    std = block_std(blocks, 3)
-    mean = blocks[:, B_MEAN + 3 : B_MEAN + 6]
-    away = np.linalg.norm(mean - np.median(mean, axis=0), axis=1)
-    keep = (std <= STIRRED * np.median(std)) & (away <= STIRRED * np.median(away) / 0.6)
-    return blocks[keep] if keep.any() else blocks
 
 
 class PoseCollector:
@@ -186,8 +59,8 @@ class PoseCollector:
         self._table.feed(t_ns, rows)
         self._table.flush()
         self._given = with_common_noise([pose_of(blocks) for blocks in tables])
-        step = self._table.resolution(3, LARGEST_STEP * self.scale.accel)
-        self._given = [_rounded(pose, step) for pose in self._given]
+        step = self._step(self.scale)
+        self._given = [rounded(pose, step) for pose in self._given]
 
     def _current(self) -> tuple[int, list[Pose], Scale]:
         blocks = self._table.rows
@@ -196,10 +69,15 @@ class PoseCollector:
             if self._options.unit == "raw":
                 scale = scale_of_counts(blocks) if len(blocks) else Scale(accel=0.0, gyro=0.0, is_found=True)
             runs = still_runs(blocks, self._limits, scale)
-            step = self._table.resolution(3, LARGEST_STEP * scale.accel)
-            poses = [_rounded(pose_of(inner), step) for inner in _inner(blocks, runs, SAME_POSE * scale.accel)]
+            step = self._step(scale)
+            poses = [rounded(pose_of(inner), step) for inner in joined(blocks, runs, SAME_POSE * scale.accel)]
             self._known = (len(blocks), poses, scale)
         return self._known
+
+    def _step(self, scale: Scale) -> float:
+        """Return the sensor's resolution in the unit of the data, 0 unknown."""
+        counted = count_step(self._table.rows, 3) if self._options.unit == "raw" else 0.0
+        return self._table.resolution(3, LARGEST_STEP * scale.accel) or counted
 
     @property
     def poses(self) -> list[Pose]:
@@ -236,13 +114,19 @@ class PoseCollector:
         held = sum(pose.t1_ns - pose.t0_ns for pose in self.poses) * 1e-9
         return held / self.span_s if self.span_s > 0.0 else 1.0
 
+    @property
+    def held_s(self) -> float:
+        """Median of the time that a pose was held, both ends left out; 0 without one."""
+        held = [pose.t1_ns - pose.t0_ns for pose in self.poses]
+        return float(np.median(held)) * 1e-9 if held else 0.0
+
     def lengths_anyhow(self) -> Float:
         """Return the lengths of what is still whatever its unit, in the unit of the data, shape (k,)."""
         blocks = self._table.rows
         if not len(blocks):
             return np.empty(0)
         runs = still_runs(blocks, self._limits, scale_of_counts(blocks))
-        means = np.array([_mean(blocks[a:b]) for a, b in runs]).reshape(-1, 3)
+        means = np.array([mean_of(blocks[a:b]) for a, b in runs]).reshape(-1, 3)
         return np.asarray(np.linalg.norm(means, axis=1))
 
     @property

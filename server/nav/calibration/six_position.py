@@ -21,12 +21,14 @@ from server.nav.calibration.accel_faces import face_frame, faces_of, nearest_fac
 from server.nav.calibration.accel_fit import REFERENCES, AccelFit, closed_form, fit_faces
 from server.nav.calibration.blocks import B_MEAN
 from server.nav.calibration.codes import failure
-from server.nav.calibration.poses import POSE_S, Pose, PoseCollector
+from server.nav.calibration.pose import Pose
+from server.nav.calibration.poses import POSE_S, PoseCollector
 from server.nav.calibration.statistics import rms
 from server.nav.calibration.types import FACES, CalKind, Check, Failure, Fit, Options, Progress, Residual, Value
 from server.nav.types import Float, Int, Kind
 
 KIND: Final = CalKind.ACCEL_SIX_POSITION
+FACES_BY_CHANCE: Final = 3  # so many come by themselves when a board tumbles slowly
 
 
 class SixPosition:
@@ -117,7 +119,8 @@ class SixPosition:
         taken = [(pose, face) for pose, face in zip(poses, faces, strict=True) if face >= 0]
         done = len({face for _, face in taken})
         if why is None and done < 6:
-            why = moving_failure(self._poses, 6) or failure("pose-missing", done, 6)
+            moving = moving_failure(self._poses, 6) if done < FACES_BY_CHANCE else None
+            why = moving or failure("pose-missing", done, 6)
         if why is not None:
             return refused(KIND, why, self._poses, coverage=done / 6.0)
         used, of = [pose for pose, _ in taken], [face for _, face in taken]
@@ -147,6 +150,7 @@ class SixPosition:
                 "poses": float(len(poses)),
                 "poses_off_axis": float(others),
                 "placement_deg": placement_deg,
+                "turned_deg": turned_deg(found.matrix),
                 **_compared(found, poses, faces, self._options.gravity_m_s2),
             },
         )
@@ -165,6 +169,12 @@ def _move(samples: int, missing: list[str], now: str, still_s: float) -> tuple[s
     if still_s == 0.0:
         return "moving", "put-face"
     return ("hold-still", "hold-still") if now in missing else ("next-face", "put-face")
+
+
+def turned_deg(matrix: Float) -> float:
+    """Return the angle of the rotation in a matrix (polar decomposition): how the board sits in its box, degrees."""
+    left, _, right = np.linalg.svd(matrix)
+    return float(np.degrees(np.arccos(np.clip((np.trace(left @ right) - 1.0) / 2.0, -1.0, 1.0))))
 
 
 def _bad_fit(after: float, found: AccelFit, options: Options) -> Failure | None:

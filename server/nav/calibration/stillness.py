@@ -14,12 +14,13 @@ from typing import Final
 
 import numpy as np
 
-from server.nav.calibration.blocks import B_GAP, B_MEAN, B_N, B_VAR
+from server.nav.calibration.blocks import B_GAP, B_MAX, B_MEAN, B_MIN, B_N, B_VAR
 from server.nav.kernel import kernel
 from server.nav.types import Float, Int
 
 FLOOR_QUANTILE: Final = 0.1  # the quietest tenth of the blocks shows the sensor's own noise
 FLOOR_FACTOR: Final = 3.0  # four samples on three axes scatter by a factor of 2 about their mean; motion by more than 3
+LEAST_STEPS: Final = 50.0  # a count that flips now and then is not motion: the limits are 0.01 of a scale and more
 SHIFT_SIGMAS: Final = 5.0  # a mean that left the run by more is not noise, once in a million blocks
 
 
@@ -81,7 +82,18 @@ def scale_of_counts(table: Float) -> Scale:
     rate = rate[np.isfinite(rate).all(axis=1)]
     if len(rate):
         gyro = float(np.quantile(np.linalg.norm(rate - np.median(rate, axis=0), axis=1), 0.98)) / 2
-    return Scale(accel=accel, gyro=gyro, is_found=True)
+    return Scale(
+        accel=max(accel, LEAST_STEPS * count_step(table, 3)),
+        gyro=max(gyro, LEAST_STEPS * count_step(table, 0)),
+        is_found=True,
+    )
+
+
+def count_step(table: Float, at: int) -> float:
+    """Return 1 when the sensor from channel `at` on gave whole numbers, 0 otherwise or when it is absent."""
+    ends = table[:, [*range(B_MIN + at, B_MIN + at + 3), *range(B_MAX + at, B_MAX + at + 3)]]
+    ends = ends[np.isfinite(ends)]
+    return 1.0 if len(ends) and not (ends % 1.0).any() else 0.0
 
 
 @kernel("boolean(float64[::1], float64[::1])")

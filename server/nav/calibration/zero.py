@@ -79,15 +79,18 @@ class _Zero:
         if why is not None:
             return why
         spread = mean_and_sigma(t, values)[2]
-        return (
-            failure(self.unsteady_code, spread, self.spread_max, self._unit_sign) if spread > self.spread_max else None
-        )
+        if spread > self.spread_max and not self._in_counts:
+            return failure(self.unsteady_code, spread, self.spread_max, self._unit_sign)
+        return None
 
     @property
     def _unit_sign(self) -> str:
-        if self._options.unit == "raw" and self.unit == "pa":
-            return "counts"
-        return {"pa": "Pa", "m": "m"}[self.unit]
+        return "counts" if self._in_counts else {"pa": "Pa", "m": "m"}[self.unit]
+
+    @property
+    def _in_counts(self) -> bool:
+        """Whether the limits, which are in Pa, say nothing; height is in metres in any case."""
+        return self._options.unit == "raw" and self.unit == "pa"
 
     def fit(self) -> Fit:
         """Fit, or refuse (`types.Collector`)."""
@@ -105,10 +108,14 @@ class _Zero:
             residual_before=Residual(value=float(np.sqrt(np.mean(batches**2))), unit=self._unit_sign),
             residual_after=Residual(value=float(np.sqrt(np.mean((batches - bias) ** 2))), unit=self._unit_sign),
             coverage=1.0,
-            grade=grades.grade(self.kind, self._judged(bias, spread)),
+            grade=grades.FAIR if self._in_counts else grades.grade(self.kind, self._judged(bias, spread)),
             samples=len(values),
             temperature_degc=self._steady.temperature(),
-            details={f"spread_{self.unit}": spread, "span_s": self._steady.span_s, **self._more()},
+            details={
+                f"spread_{'counts' if self._in_counts else self.unit}": spread,
+                "span_s": self._steady.span_s,
+                **self._more(),
+            },
         )
 
     def _judged(self, bias: float, spread: float) -> dict[str, float]:
@@ -125,8 +132,9 @@ class _Zero:
         if len(values):
             left = abs(mean_and_sigma(t, values)[0] - self._target() - float(parameters["bias"]))
         residual = Residual(value=left, unit=self._unit_sign)
-        ok = why is None and left <= self.check_limit
-        return Check(ok=ok, residual=residual, limit=self.check_limit, samples=len(values), failure=why)
+        limit = 5.0 * float(values.std()) if self._in_counts and len(values) else self.check_limit
+        ok = why is None and left <= limit
+        return Check(ok=ok, residual=residual, limit=limit, samples=len(values), failure=why)
 
 
 class AirspeedZero(_Zero):

@@ -138,8 +138,7 @@ export const api = {
   magLearning: (boardId: string) => request<MagLearningOut>("GET", `boards/${id(boardId)}/mag-learning`),
   setMagLearning: (boardId: string, switches: { run?: boolean; apply?: boolean }) =>
     request<MagLearningOut>("PUT", `boards/${id(boardId)}/mag-learning`, switches),
-  keepMagLearning: (boardId: string) =>
-    request<SetOut>("POST", `boards/${id(boardId)}/mag-learning/keep`),
+  keepMagLearning: (boardId: string) => request<SetOut>("POST", `boards/${id(boardId)}/mag-learning/keep`),
   chains: (boardId: string) => request<PreprocessingOut>("GET", `boards/${id(boardId)}/preprocessing`),
   /** Null = back to the default. */
   setChain: (boardId: string, sensor: string, values: Readonly<Record<string, number | null>>) =>

@@ -7,9 +7,7 @@ const POLL_MS = 3000;
 /** What every sensor's preprocessing does on the board shown. */
 class Chains {
   private held = $state.raw<PreprocessingOut | null>(null);
-  readonly all = $derived<readonly ChainOut[]>(
-    this.held?.board_id === app.boardId ? this.held.sensors : [],
-  );
+  readonly all = $derived<readonly ChainOut[]>(this.held?.board_id === app.boardId ? this.held.sensors : []);
   /** Those that do something, as a text: it changes only when they do. */
   readonly active = $derived(this.all.flatMap((each) => (each.active ? each.sensor : [])).join());
 

@@ -1,7 +1,14 @@
 import type { CalKind, CalSensor, JobOut, SetOut, SetsOut } from "../api/wire";
 
 /** Sensors in the order in which they are best calibrated: the level needs the accelerometer, the compass the level. */
-export const CAL_SENSORS = ["gyro", "accel", "board", "mag", "airspeed", "baro"] as const satisfies CalSensor[];
+export const CAL_SENSORS = [
+  "gyro",
+  "accel",
+  "board",
+  "mag",
+  "airspeed",
+  "baro",
+] as const satisfies CalSensor[];
 
 export const KINDS_OF: Readonly<Record<CalSensor, readonly CalKind[]>> = {
   gyro: ["gyro_bias", "gyro_scale"],
@@ -114,7 +121,10 @@ export function poseParts(down: readonly number[]): PosePart[] {
   const length = Math.hypot(...down);
   if (!(length > 0)) return [];
   return down
-    .map((value, axis) => ({ size: Math.abs(value) / length, part: POSE_PARTS[2 * axis + (value < 0 ? 1 : 0)] }))
+    .map((value, axis) => ({
+      size: Math.abs(value) / length,
+      part: POSE_PARTS[2 * axis + (value < 0 ? 1 : 0)],
+    }))
     .filter(({ size }) => size >= PART_LEAST)
     .sort((a, b) => b.size - a.size)
     .flatMap(({ part }) => part ?? []);

@@ -23,7 +23,9 @@ export function diffRows(
   to: SetOut | undefined,
 ): DiffRow[] {
   if (sensor === "board") return angleRows(from, to);
-  return changes.map((each) => rowOf(sensor, each)).filter((row) => row.name !== "cross" || row.old !== 0 || row.new !== 0);
+  return changes
+    .map((each) => rowOf(sensor, each))
+    .filter((row) => row.name !== "cross" || row.old !== 0 || row.new !== 0);
 }
 
 function rowOf(sensor: CalSensor, { name, old, new: now, change, change_in_sigma }: ChangeOut): DiffRow {

@@ -55,7 +55,13 @@ export function numberRows(sensor: CalSensor, parameters: Parameters, sigma: Par
   }
   const scale = vector(parameters["scale"]);
   scale.forEach((value, i) =>
-    rows.push({ name: "scale", axis: AXES[i] ?? "", value, sigma: vector(sigma["scale"])[i] ?? NaN, unit: "" }),
+    rows.push({
+      name: "scale",
+      axis: AXES[i] ?? "",
+      value,
+      sigma: vector(sigma["scale"])[i] ?? NaN,
+      unit: "",
+    }),
   );
   return [...rows, ...matrixRows(matrix(parameters["matrix"]), matrix(sigma["matrix"]))];
 }
@@ -107,9 +113,7 @@ export function pairRows(
   sigma: Parameters,
   before: Parameters | undefined,
 ): PairRow[] {
-  const old = new Map(
-    numberRows(sensor, before ?? {}).map((row) => [`${row.name}${row.axis}`, row.value]),
-  );
+  const old = new Map(numberRows(sensor, before ?? {}).map((row) => [`${row.name}${row.axis}`, row.value]));
   return numberRows(sensor, now, sigma)
     .map((row) => ({ ...row, before: old.get(`${row.name}${row.axis}`) ?? NaN }))
     .filter(
@@ -123,7 +127,7 @@ function nonzero(value: number): boolean {
 
 /** Decimals of a calibration's numbers: enough to see a change that matters, no more. */
 export function decimalsOf(unit: string): number {
-  return { "°/s": 3, "m/s²": 3, "µT": 2, "°": 3, Pa: 1, m: 2 }[unit] ?? 4;
+  return { "°/s": 3, "m/s²": 3, µT: 2, "°": 3, Pa: 1, m: 2 }[unit] ?? 4;
 }
 
 export function written(value: number, unit: string): string {
@@ -141,7 +145,8 @@ export function forPeople(value: number, unit: string): readonly [text: string, 
     } as const
   )[unit] ?? [1, unit];
   const size = Math.abs(value * factor);
-  const decimals = Number.isInteger(value * factor) || size >= 100 ? 0 : size >= 10 ? 1 : size >= 1 ? 2 : 3;
+  const decimals =
+    (unit === "" && Number.isInteger(value)) || size >= 100 ? 0 : size >= 10 ? 1 : size >= 1 ? 2 : 3;
   return [fixed(value * factor, decimals), shown];
 }
 

@@ -56,7 +56,8 @@ export function optionsOf(kind: CalKind, choices: Choices): ReadOptions {
     if (text.trim() === "" && field !== "heading") continue;
     const value = typed(text);
     const [low, high] = LIMITS[field];
-    if (value >= low && value <= high && (field !== "turns" || Number.isInteger(value))) options[NAME[field]] = value;
+    if (value >= low && value <= high && (field !== "turns" || Number.isInteger(value)))
+      options[NAME[field]] = value;
     else bad[field] = LIMITS[field];
   }
   if (kind === "gyro_scale" && choices.axis) options["axis"] = choices.axis;

@@ -3,7 +3,8 @@ import { faceOf, type Face } from "./calibrate";
 
 /** What a calibration asks for now, as a command to the demo board. */
 export interface Asked {
-  readonly key: "demo.askedPose" | "demo.askedLevel" | "demo.askedTurn" | "demo.askedSpin" | "demo.askedCover";
+  readonly key:
+    "demo.askedPose" | "demo.askedLevel" | "demo.askedTurn" | "demo.askedSpin" | "demo.askedCover";
   readonly command: SimulatorIn;
   readonly face: Face | null;
   readonly down: readonly number[];
@@ -68,8 +69,8 @@ function posed(job: JobOut, doing: SimulatorOut): Asked | null {
   if (job.state === "verifying") return freshPose(doing);
   const face = faceOf(job.progress.face_next);
   const down = job.progress.pose_target_b;
-  if (face) return cosine(down, doing.down_b) > 0.999 ? null : pose(down, face);
-  return down.length === 3 ? pose(down) : null;
+  if (down.length !== 3 || cosine(down, doing.down_b) > 0.999) return null; // it lies so: hold it
+  return pose(down, face);
 }
 
 function turned(job: JobOut | null, lies: boolean): Asked | null {

@@ -1,4 +1,4 @@
-import type { CalKind, CalSensor, FailureOut, JobOut } from "../api/wire";
+import type { CalSensor, FailureOut, JobOut } from "../api/wire";
 import { calibrateCodesZh } from "../i18n/calibrateCodes.zh";
 import { speech, t, tMaybe } from "../i18n/index.svelte";
 import { instructionOf, poseParts, type Face, type Instruction } from "../logic/calibrate";
@@ -10,7 +10,7 @@ export function calSensorName(sensor: CalSensor): string {
 }
 
 /** Sets that came from a file have kinds of their own. */
-export function kindName(kind: CalKind | string): string {
+export function kindName(kind: string): string {
   return tMaybe(`cal.kind.${kind}`) ?? kind;
 }
 
@@ -39,12 +39,26 @@ function quantity(value: number | null, unit: string): string {
 }
 
 /** Reasons whose limit is a least; of all others the limit is a most. */
-const LEAST = new Set(["too-few-samples", "too-few-poses", "pose-missing", "coverage-poor", "coverage-planar", "not-turned", "motion"]);
+const LEAST = new Set([
+  "too-few-samples",
+  "too-few-poses",
+  "pose-missing",
+  "coverage-poor",
+  "coverage-planar",
+  "not-turned",
+  "motion",
+]);
 
 /** Why nothing was fitted: what happened and what to do, and the number that was too bad. */
-export function failureText({ code, advice, measured, limit, unit }: FailureOut): { text: string; numbers: string } {
+export function failureText({ code, advice, measured, limit, unit }: FailureOut): {
+  text: string;
+  numbers: string;
+} {
   const text = (speech.language === "zh" ? calibrateCodesZh[code] : undefined) ?? advice;
   if (measured === null || limit === null) return { text, numbers: "" };
   const filled = { measured: quantity(measured, unit), limit: quantity(limit, unit) };
-  return { text, numbers: t(LEAST.has(code) && measured < limit ? "cal.measured" : "cal.measuredMost", filled) };
+  return {
+    text,
+    numbers: t(LEAST.has(code) && measured < limit ? "cal.measured" : "cal.measuredMost", filled),
+  };
 }
