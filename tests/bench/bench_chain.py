@@ -1,5 +1,7 @@
 """What the preprocessing chain costs a sample: each setting against the engine with none, in turns. IMU at 1 kHz."""
 
+import sys
+from pathlib import Path
 from time import perf_counter
 
 import numpy as np
@@ -9,7 +11,8 @@ from server.nav.calibration.applied import Calibration
 from server.nav.engine import NavEngine
 from server.nav.types import EngineSettings, SampleBlock
 
-from bench_engine import field, stream  # isort: skip
+sys.path.insert(0, str(Path(__file__).resolve().parents[2]))  # what the tests have too
+from tests.bench.bench_engine import field, stream
 
 TOLD = {"imu_delay_s": 0.011, "mag_delay_s": 0.05, "gnss_delay_s": 0.098, "baro_delay_s": 0.0}
 CALIBRATION = Calibration(gyro_offset=np.array([1e-3, 0.0, 0.0]), mag_offset=np.array([0.01, 0.0, 0.0]))

@@ -5,6 +5,7 @@ from scipy.spatial.transform import Rotation
 
 from server.nav.calibration import learning_layout as at
 from server.nav.calibration.learning_filter import correct, predict
+from server.nav.calibration.learning_strength import departure2, learn_unevenness, remember_strength
 
 N = at.N
 
@@ -74,3 +75,38 @@ def test_a_correction_is_kalmans_and_one_that_spares_the_offset_is_schmidts():
         correct(s, c, 1e-3, first, end)
         np.testing.assert_allclose(s[:N], x, rtol=1e-9, atol=1e-14)
         np.testing.assert_allclose(s[at.F_P : at.F_P + N * N].reshape(N, N), P, rtol=1e-8, atol=1e-14)
+
+
+def readings(rng, count, offset, uneven):
+    """Yield (turn, mean sample, c of that block alone) of a board whose samples are single and not turned."""
+    for one in Rotation.random(count, random_state=5).as_matrix():
+        m = one.T @ [0.2, 0.0, 0.43] * (1.0 + uneven * rng.standard_normal()) + offset
+        block = np.zeros(at.C_SIZE)
+        block[at.C_B_N] = 1.0
+        block[at.C_B_Z : at.C_B_Z + 3], block[at.C_B_RM : at.C_B_RM + 9] = one @ m, one.ravel()
+        yield rng.uniform(0.1, 0.5), m, block
+
+
+def test_the_unevenness_is_what_the_best_offset_leaves_of_the_strength_whatever_offset_is_held():
+    rng, par = np.random.default_rng(3), at.default_parameters()
+    par[at.K_PATCH], par[at.K_PATCH_MAX] = 1e-9, 1.0
+    c, turns, samples = np.zeros(at.C_SIZE), [], []
+    for rad, m, block in readings(rng, 40, np.array([0.1, -0.2, 0.05]), 0.02):
+        c[at.C_B_N], c[at.C_B_Z : at.C_B_RM + 9] = 1.0, block[at.C_B_Z : at.C_B_RM + 9]
+        remember_strength(c, rad)
+        turns.append(rad)
+        samples.append(m)
+    weight, m = np.array(turns) / np.sum(turns), np.array(samples)
+    A = np.concatenate([2.0 * m, np.ones((len(m), 1))], axis=1) * np.sqrt(weight)[:, None]
+    y = (m**2).sum(axis=1) * np.sqrt(weight)
+    left2 = float(np.sum((y - A @ np.linalg.lstsq(A, y)[0]) ** 2))
+    readings_told = np.sum(turns) / 0.35
+    for held in (np.zeros(3), np.array([0.1, -0.2, 0.05])):
+        s = np.zeros(at.F_SIZE)
+        s[at.F_X : at.F_X + 3] = held
+        mean2 = weight @ ((m - held) ** 2).sum(axis=1)
+        learn_unevenness(s, c, par)
+        expected2 = left2 / (4.0 * mean2) * readings_told / (0.7 + readings_told - 4.0)
+        np.testing.assert_allclose(c[at.C_RESIDUAL2], expected2, rtol=1e-3)  # but for the ridge
+        strength = np.linalg.norm(m[-1] - held)
+        np.testing.assert_allclose(departure2(s, c), (strength - np.sqrt(mean2)) ** 2, rtol=1e-9)

@@ -8,8 +8,8 @@ import pytest
 from server.chain_values import chain_values
 from server.magnetic import wmm_field
 from server.nav.engine import NavEngine
-from server.nav.preprocess.chain_run import lowpass_delay
 from server.nav.preprocess.conditioning import Conditioning
+from server.nav.preprocess.lowpass import lowpass_delay
 from server.nav.types import EngineSettings
 from server.replay.run import replay
 

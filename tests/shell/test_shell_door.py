@@ -153,7 +153,9 @@ async def test_a_body_beyond_the_limit_is_refused_said_or_unsaid() -> None:
             yield b"x" * 4096
 
     async with running() as run:
-        assert_problem(await run.client.post("/api/v1/boards", content=b"x" * (MAX_BODY_BYTES + 1)), 413, "body-too-large")
+        assert_problem(
+            await run.client.post("/api/v1/boards", content=b"x" * (MAX_BODY_BYTES + 1)), 413, "body-too-large"
+        )
         assert_problem(await run.client.post("/api/v1/boards", content=endless()), 413, "body-too-large")
 
 
