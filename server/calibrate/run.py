@@ -4,38 +4,29 @@ from __future__ import annotations
 
 import json
 import math
-from collections.abc import Callable, Mapping, Sequence
+from collections.abc import Mapping, Sequence
 from dataclasses import dataclass, replace
 from pathlib import Path
-from typing import Any, Final, cast
+from typing import Any, Final
 
 import numpy as np
 
-from server.calibrate.columns import MAIN_KIND, SENSOR_OF_XYZ
+from server.calibrate.columns import SENSOR_OF_XYZ
 from server.calibrate.errors import CalibrateError
-from server.calibrate.jumps import ranges_by_jumps
+from server.calibrate.fitting import collector_of, feed, fit_all, fit_ranges
+from server.calibrate.guesses import POSE_KINDS, UNTIMED, guessed
 from server.calibrate.logs import is_log, read_log
 from server.calibrate.order import Piece
 from server.calibrate.pieces import DEFAULT_RATE_HZ, read_csvs
-from server.calibrate.told import Ranges, Told, ranges_of
+from server.calibrate.told import Told, ranges_of
 from server.magnetic import WMM_EPOCH_YEAR, wmm_field
 from server.nav.calibration.applied import Calibration, conditioned, merged
-from server.nav.calibration.grades import POOR
-from server.nav.calibration.registry import collector_for
-from server.nav.calibration.types import GRAVITY_M_S2, SENSOR_OF, CalKind, Check, Collector, Fit, Options, Value
+from server.nav.calibration.types import GRAVITY_M_S2, SENSOR_OF, CalKind, Check, Fit, Options, Value
 from server.nav.earth import normal_gravity
-from server.nav.types import Float, Int, Kind, Site
+from server.nav.types import Site
 
-POSE_KINDS: Final = frozenset({CalKind.ACCEL_SIX_POSITION, CalKind.ACCEL_MULTI_POSE})
-SLOW_RATE_HZ: Final = 10.0
-SLOW_STEP_S: Final = 0.08
-UNTIMED: Final = "No time column"
-JUMP_REASONS: Final = frozenset({"gravity", "pose-missing", "poses-alike", "too-few-poses"})
-"""Refusals that say more of a table of poses than that it is too short for a stream."""
 TIMELESS: Final = frozenset({CalKind.MAG_ELLIPSOID})
 """Kinds whose result does not depend on when a sample was taken."""
-
-FitRanges = Callable[[Int, Float, Sequence[tuple[int, int]]], Fit]
 
 
 @dataclass(frozen=True, slots=True, kw_only=True, eq=False)
@@ -68,20 +59,17 @@ def calibrate(told: Told) -> Result:
     present = _present(told.applied)
     pieces = _conditioned(told.kind, read.pieces, present)
     if ranges:
-        fit = _fit_ranges(_collector(told.kind, options), pieces, ranges, told)
+        fit = fit_ranges(told.kind, options, pieces, ranges)
     else:
-        fit = _fit_all(pieces, options, told)
+        fit = fit_all(told.kind, options, pieces)
         if not fit.ok and told.kind in POSE_KINDS:
-            if read.is_untimed:
-                fit = _read_slower(fit, pieces, options, told, notes)
-            if not fit.ok and (read.is_untimed or _is_slow(pieces)):
-                fit = _by_jumps(fit, pieces, options, told, notes)
+            fit = guessed(fit, told.kind, options, pieces, notes, is_untimed=read.is_untimed)
     check = None
     if told.verify and fit.ok:
         fresh = _read(told.verify, told, timed=True)
         notes += [f"--verify: {note}" for note in fresh.notes]
-        judge = _collector(told.kind, options)
-        _feed(judge, _conditioned(told.kind, fresh.pieces, present))
+        judge = collector_of(told.kind, options)
+        feed(judge, _conditioned(told.kind, fresh.pieces, present))
         check = judge.check(fit.parameters)
     return Result(fit=fit, check=check, notes=tuple(dict.fromkeys(notes)))
 
@@ -137,98 +125,6 @@ def _field(told: Told, site: Site | None, notes: list[str]) -> tuple[tuple[float
         notes.append(f"The magnetic model does not reach {told.year:g}; {year:g} is used.")
     alt_m = told.alt_m if math.isfinite(told.alt_m) else 0.0
     return tuple(float(v) for v in field), normal_gravity(math.radians(told.lat_deg), alt_m)
-
-
-def _collector(kind: CalKind, options: Options) -> Collector:
-    try:
-        return collector_for(kind, options)
-    except ValueError as error:
-        raise CalibrateError(str(error)) from error
-
-
-def _fit_all(pieces: Sequence[Piece], options: Options, told: Told) -> Fit:
-    collector = _collector(told.kind, options)
-    _feed(collector, pieces)
-    return collector.fit()
-
-
-def _read_slower(refused: Fit, pieces: Sequence[Piece], options: Options, told: Told, notes: list[str]) -> Fit:
-    """Return the fit of samples whose rate nobody told, read slower; else the refusal as it was."""
-    slower = [replace(piece, t_ns=piece.t_ns * round(DEFAULT_RATE_HZ / SLOW_RATE_HZ)) for piece in pieces]
-    fit = _fit_all(slower, options, told)
-    if not fit.ok or fit.grade == POOR:  # a guess has to fit well
-        return refused
-    notes[:] = [note for note in notes if not note.startswith(UNTIMED)]
-    notes.append(
-        f"{UNTIMED}: at {DEFAULT_RATE_HZ:g} samples a second there were too few poses, so {SLOW_RATE_HZ:g} a second "
-        "are assumed. Give --rate-hz or --ranges."
-    )
-    return fit
-
-
-def _is_slow(pieces: Sequence[Piece]) -> bool:
-    """Return whether samples are so far apart that a pose of a few seconds is a handful."""
-    steps = np.concatenate([np.diff(piece.t_ns) for piece in pieces] or [np.zeros(1)])
-    return len(steps) > 0 and float(np.median(steps)) >= SLOW_STEP_S * 1e9
-
-
-def _by_jumps(refused: Fit, pieces: Sequence[Piece], options: Options, told: Told, notes: list[str]) -> Fit:
-    """Return the fit of what lies between two jumps, each as a pose; else the refusal that says more."""
-    rows = np.concatenate([piece.rows for piece in pieces if piece.kind is MAIN_KIND[told.kind]])
-    ranges = ranges_by_jumps(rows[:, 3:6])
-    if not ranges:
-        return refused
-    fit = _fit_ranges(_collector(told.kind, options), pieces, ranges, told)
-    if fit.failure is not None:
-        return fit if fit.failure.code in JUMP_REASONS else refused
-    untimed = any(note.startswith(UNTIMED) for note in notes)
-    notes[:] = [note for note in notes if not note.startswith(UNTIMED)]
-    notes.append(
-        f"{UNTIMED if untimed else 'Few samples a pose'}: what lies between two jumps is taken as one pose, "
-        f"{len(ranges)} of them. Give --ranges."
-    )
-    return fit
-
-
-def _feed(collector: Collector, pieces: Sequence[Piece]) -> None:
-    for piece in pieces:
-        collector.feed(piece.kind, piece.t_ns, piece.rows)
-
-
-def _fit_ranges(collector: Collector, pieces: Sequence[Piece], ranges: Ranges, told: Told) -> Fit:
-    """Fit the stretches alone; indices count the samples of the kind's own sensor, through all files."""
-    mine = MAIN_KIND[told.kind]
-    t_ns = np.concatenate([piece.t_ns for piece in pieces if piece.kind is mine] or [np.empty(0, np.int64)])
-    rows = np.concatenate([piece.rows for piece in pieces if piece.kind is mine] or [np.empty((0, 1))])
-    past = next((pair for pair in ranges if pair[1] > len(t_ns)), None)
-    if past is not None:
-        raise CalibrateError(
-            f"--ranges {past[0]}:{past[1]} ends after the last of {len(t_ns)} samples. Give b ≤ {len(t_ns)}."
-        )
-    fit_ranges = cast(FitRanges | None, getattr(collector, "fit_ranges", None))
-    if fit_ranges is not None:
-        return fit_ranges(t_ns, rows, list(ranges))
-    _feed(collector, _cut(pieces, mine, t_ns, ranges))
-    return collector.fit()
-
-
-def _cut(pieces: Sequence[Piece], mine: Kind, t_ns: Int, ranges: Ranges) -> list[Piece]:
-    """Return the samples of the stretches alone; of other sensors those stamped within them."""
-    wanted = np.zeros(len(t_ns), dtype=bool)
-    for start, stop in ranges:
-        wanted[start:stop] = True
-    found, before = [], 0
-    for piece in pieces:
-        if piece.kind is mine:
-            keep = wanted[before : before + len(piece.t_ns)]
-            before += len(piece.t_ns)
-        else:
-            keep = np.zeros(len(piece.t_ns), dtype=bool)
-            for start, stop in ranges:
-                keep |= (piece.t_ns >= t_ns[start]) & (piece.t_ns <= t_ns[stop - 1])
-        if keep.any():
-            found.append(Piece(kind=piece.kind, t_ns=piece.t_ns[keep], rows=piece.rows[keep]))
-    return found
 
 
 def _present(files: Sequence[Path]) -> Calibration:

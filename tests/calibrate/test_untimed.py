@@ -7,6 +7,7 @@ from pathlib import Path
 import numpy as np
 import pytest
 
+from server.calibrate.jumps import ranges_by_jumps
 from tests.calibrate.cal_files import G_M_S2, S0_ACCEL_OFFSET, S0_T, Rows, sphere, write
 from tests.calibrate.test_command import navdeck, result
 
@@ -104,3 +105,27 @@ def test_a_fixed_heading_in_counts_needs_the_strength_in_counts(tmp_path: Path) 
     assert weak["residual_before"]["unit"] == "counts"
     step = np.array(weak["parameters"]["offset"]) - twice["parameters"]["offset"]  # the field once more
     assert np.linalg.norm(step) == pytest.approx(484.0, rel=1e-6)
+
+
+@pytest.mark.parametrize(("rate_hz", "hold"), [(1.0, 10), (5.0, 20), (10.0, 20)])
+def test_a_slow_log_with_stamps_gives_its_faces_the_last_one_too(tmp_path: Path, rate_hz: float, hold: int) -> None:
+    """Two seconds or a few samples a face, and the file ends with the last one."""
+    rng, parts = np.random.default_rng(5), []
+    for k, up in enumerate(UP):
+        share = np.linspace(0.0, 1.0, 6)[1:-1, None]
+        turning = (1.0 - share) * up + share * UP[(k + 1) % 6]
+        parts += [np.tile(up, (hold, 1)), turning / np.linalg.norm(turning, axis=1, keepdims=True)]
+    rows = raw_of(G_M_S2 * np.vstack(parts[:-1]), 0.01)
+    t_s = (np.arange(len(rows)) + rng.uniform(0.0, 0.1, len(rows))) / rate_hz
+    close(result("accel_six_position", write(tmp_path / "log.csv", f"t_s,{NAMES}", np.column_stack([t_s, rows]))))
+
+
+def test_jumps_leave_out_what_was_read_on_the_way_and_a_stream_is_none() -> None:
+    poses = np.repeat(UP, 9, axis=0)
+    on_the_way = np.insert(poses, [9, 9, 18], [[0.5, 0.5, 0.7], [0.7, 0.7, 0.1], [0.8, -0.6, 0.0]], axis=0)
+    assert ranges_by_jumps(poses) == tuple((a, a + 9) for a in range(0, 54, 9))
+    assert [b - a for a, b in ranges_by_jumps(on_the_way)] == [9] * 6
+    assert ranges_by_jumps(np.repeat(UP, 500, axis=0)) == ()
+    smooth = np.column_stack([np.cos(np.linspace(0, 9, 200)), np.sin(np.linspace(0, 9, 200)), np.zeros(200)])
+    assert ranges_by_jumps(smooth) == ()
+    assert ranges_by_jumps(UP[:3]) == ()

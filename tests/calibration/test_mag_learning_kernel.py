@@ -107,6 +107,6 @@ def test_the_unevenness_is_what_the_best_offset_leaves_of_the_strength_whatever_
         mean2 = weight @ ((m - held) ** 2).sum(axis=1)
         learn_unevenness(s, c, par)
         expected2 = left2 / (4.0 * mean2) * readings_told / (0.7 + readings_told - 4.0)
-        np.testing.assert_allclose(c[at.C_RESIDUAL2], expected2, rtol=1e-3)  # but for the ridge
+        np.testing.assert_allclose(c[at.C_RESIDUAL2], expected2, rtol=5e-3)  # but for the ridge
         strength = np.linalg.norm(m[-1] - held)
         np.testing.assert_allclose(departure2(s, c), (strength - np.sqrt(mean2)) ** 2, rtol=1e-9)

@@ -3,6 +3,10 @@
 When the field contradicts the offset, nothing more is learned from it. The first filter keeps its offset and takes
 the field for changed; the second takes the offset for changed as well. What explains the readings over enough turning
 and time is believed, the first before the second. While neither does, the disturbance is the room's: frozen.
+
+A reading tells by what the filter expects of it, not by what it knows of the whole offset: turns about the vertical
+alone never tell the offset along it from a change of the field there, and need not. When the first is believed, what
+no turn so far would have shown stays in doubt, axis by axis, until a tilt shows it.
 """
 
 from __future__ import annotations
@@ -41,7 +45,7 @@ from server.nav.calibration.learning_strength import departure2, forget_strength
 from server.nav.kernel import kernel
 from server.nav.types import Float
 
-WORSE: Final = 1.5  # a place that stays uneven is taken for what it is, slowly
+WORSE: Final = 3.0  # a place that stays uneven is taken for what it is, slowly
 AGREE: Final = 2.0  # innovation² over an undisturbed one's, to be believed …
 AGREE_RAD: Final = 2.0  # … over so much turning …
 AGREE_S: Final = 2.0  # … and so long
@@ -50,7 +54,7 @@ BETTER: Final = 2.5  # by less than this, and AS_WELL, the other explanation is 
 CHANGE_AGREE: Final = 1.5  # another offset must explain better, for longer, the oftener others have failed
 CHANGE_RAD: Final = 5.0
 CHANGE_S: Final = 4.0
-FAR_OFF: Final = 15.0  # innovation² over an undisturbed one's, of the offset that was held
+FAR_OFF: Final = 6.0  # innovation² over an undisturbed one's, of the offset that was held
 MOST_PROOF: Final = 8.0  # two failures double the turning and time that are asked for, up to this multiple
 KNOWN: Final = 6.0  # a reading tells when the filter's own doubt of it is within this multiple of an undisturbed one's
 HOPELESS: Final = 4.0  # an offset that explains so little after CHANGE_RAD is given up at once

@@ -59,6 +59,10 @@ class MultiPose:
         self._poses.take_ranges(t_ns, rows, ranges)
         return self.fit()
 
+    def finish(self) -> None:
+        """Take the end of the stream for its end, so that the last few samples count."""
+        self._poses.finish()
+
     def _centred(self) -> Float:
         """Return the poses about their centre in units of the radius, shape (k, 3)."""
         means = means_of(self._poses.poses)

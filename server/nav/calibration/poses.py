@@ -46,6 +46,10 @@ class PoseCollector:
         if kind == Kind.IMU:
             self._table.feed(t_ns, rows)
 
+    def finish(self) -> None:
+        """Count the samples after the last complete block too: no more come."""
+        self._table.flush()
+
     def take_ranges(self, t_ns: Int, rows: Float, ranges: Sequence[tuple[int, int]]) -> None:
         """Take these ranges [first, end) of samples as the poses, each one, instead of looking for them."""
         tables = []

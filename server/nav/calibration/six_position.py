@@ -53,6 +53,10 @@ class SixPosition:
         self._poses.take_ranges(t_ns, rows, ranges)
         return self.fit()
 
+    def finish(self) -> None:
+        """Take the end of the stream for its end, so that the last few samples count."""
+        self._poses.finish()
+
     def _faces(self) -> tuple[list[Pose], list[int]]:
         """Return all poses, and of each its face, −1 where it is none."""
         poses = self._poses.poses

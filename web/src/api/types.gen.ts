@@ -1027,6 +1027,11 @@ export interface components {
              */
             delay_s: number | null;
             /**
+             * Filter S
+             * @description what our own filters add to it; null = none is on
+             */
+            filter_s: number | null;
+            /**
              * Measurement
              * @enum {string}
              */
@@ -1164,7 +1169,7 @@ export interface components {
             advice: string;
             /**
              * Code
-             * @description kebab-case; the list is in `navdeck calibrate --codes` and GET /calibration-codes
+             * @description kebab-case; GET /api/v1/calibration-codes lists them all
              */
             code: string;
             /** Limit */
@@ -2294,6 +2299,11 @@ export interface components {
              * @description since the newest sample arrived; null before the first
              */
             age_s: number | null;
+            /**
+             * Clipped
+             * @description samples that stood at the end of the sensor's range; they are used
+             */
+            clipped: number;
             /**
              * Columns
              * @description of the raw topic of this sensor

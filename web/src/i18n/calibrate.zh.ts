@@ -235,7 +235,7 @@ export const calibrateZh: Readonly<Record<keyof typeof calibrateEn, string>> = {
   "cal.card.unverified": "已校准",
   "cal.card.verified": "已校准并验证",
   "cal.card.failed": "验证未通过",
-  "cal.card.age": "已有",
+  "cal.card.age": "距今",
   "cal.card.by": "操作者",
   "cal.card.check": "验证",
   "cal.card.passed": "通过",
