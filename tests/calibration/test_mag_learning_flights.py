@@ -70,6 +70,20 @@ def test_a_magnet_put_on_in_flight_is_followed_within_40_s(field_b, seed):
         assert not state.frozen or state.reason == "rest"
 
 
+@pytest.mark.parametrize(
+    ("field_b", "seed"), [((0.05, -0.03, 0.06), 1), ((-0.03, 0.05, 0.26), 2), ((0.15, 0.1, -0.05), 3)]
+)
+def test_a_magnet_taken_off_shortly_before_the_landing_is_noticed_and_unlearned_in_the_next_flight(field_b, seed):
+    orders = [(50.0, Magnet(is_on=True, field_b_gauss=field_b)), (95.0, Magnet(is_on=False))]
+    flight = LearningFlight(185.0, SimSettings(seed=seed, wind_m_s=6.0), orders)
+    assert np.abs(flight.at(94.0).offset_gauss - flight.truth_gauss - field_b).max() < 0.008
+    assert not flight.at(105.0).converged
+    state = flight.states[-1]  # 35 s after the take-off
+    assert np.abs(state.offset_gauss - flight.truth_gauss).max() < 0.008
+    assert state.converged
+    assert state.changes > 0
+
+
 @pytest.mark.parametrize("seed", [1, 2, 3])
 def test_iron_of_the_room_is_not_taken_for_the_boards(seed):
     flight = LearningFlight(PUT_ON_S + 50.0, SimSettings(seed=seed), [(PUT_ON_S, RoomMagnet(is_on=True))])
