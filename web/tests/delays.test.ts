@@ -11,7 +11,7 @@ function delay(
   delay_s: number | null = null,
   sigma_s: number | null = null,
 ): DelayOut {
-  return { measurement, source, delay_s, sigma_s };
+  return { measurement, source, delay_s, filter_s: null, sigma_s };
 }
 
 const TOLD = delay("imu", "board", 0.011);

@@ -30,8 +30,8 @@ class MagLearnState:
         frozen: nothing is learned at present; reason: "rest", "room" (the field contradicts every constant offset tried
             so far), "few-turns" (it moves, but hardly turns), "".
         changes: offsets that were given up for another; t_changed_ns: when the last of them began, −1 never.
-        residual_gauss: RMS of what the strength |field − offset| varies by under the best constant offset: place, noise,
-            soft iron; weighed with a first guess, NaN before the first turn.
+        residual_gauss: RMS of what the strength |field − offset| varies by under the best constant offset: place,
+            noise, soft iron. Weighed with a first guess, NaN before the first turn.
         contradicted: constant offsets that were tried and failed since the field contradicts; 0 when it does not.
         gyro_bias_rad_s, delay_s: found along the way; for people.
     """
