@@ -38,6 +38,11 @@ NOTES: Final[dict[str, tuple[Severity, str, str]]] = {
         "The magnetic field fits no known unit and no place on Earth; it is not used.",
         "Move away from iron and currents; calibrate the magnetometer.",
     ),
+    "imu-clipped": (
+        "caution",
+        "The IMU reads the end of its range: what goes beyond it is lost, and the estimate drifts.",
+        "Mount it softer, balance the rotors, or choose a wider range on the board.",
+    ),
     "imu-stuck": (
         "warning",
         "The IMU repeats one value: it, or the board's driver for it, has stopped.",

@@ -72,7 +72,7 @@ async def import_sets(
         )
     except ExchangeError as error:
         raise ApiError(422, "unreadable-calibration", str(error), "Choose another file.") from error
-    kept = [_granted(await stored.add(one)) for one in given.sets]
+    kept = _granted(await stored.add(given.sets))
     return ImportedOut(
         format=given.form,
         added=tuple(one.id for one in kept),

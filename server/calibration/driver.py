@@ -5,11 +5,12 @@ from __future__ import annotations
 import asyncio
 import logging
 import time
-from collections.abc import Callable
+from collections.abc import Callable, Iterable, Mapping
 from typing import TYPE_CHECKING, Final
 
+from server.calibration.errors import DEFECTS
 from server.calibration.feeding import runs
-from server.calibration.job import Job, JobState
+from server.calibration.job import COLLECTS, Job, JobState
 from server.nav.calibration.applied import in_words_of
 from server.nav.calibration.codes import failure
 from server.nav.calibration.types import Check, Collector, Fit, Sensor
@@ -18,12 +19,15 @@ if TYPE_CHECKING:
     from server.board import Board
     from server.calibration.samples import SampleFile
     from server.hub import Subscription
-    from server.nav.types import StepResult
+    from server.nav.types import Float, Int, Kind, StepResult
 
 log = logging.getLogger("navdeck.calibration")
 PERIOD_S: Final = 0.1
 QUEUED_RESULTS: Final = 4096  # some ten seconds of a fast board; then the oldest are lost, and counted on the job
 JUDGE_EVERY: Final = 5
+KEEP_EVERY: Final = 10
+HELD_RUNS: Final = 20_000  # stretches of samples that wait while a job fits: a minute of a fast board
+Run = tuple["Kind", "Int", "Float"]
 
 
 class Driver:
@@ -41,57 +45,100 @@ class Driver:
         self._sample_file = sample_file
         self._spawn = spawn
         self._files: dict[str, SampleFile | None] = {}
+        self._held: dict[str, list[Run]] = {}
         self._lost = 0
         self._beats = 0
 
     async def run(self) -> None:
-        """Feed until no job is active."""
+        """Feed until no job is active.
+
+        It ends without waiting for anything after it has looked for jobs: one that starts later finds it done.
+        """
         subscription = self._board.hub.results.subscribe(QUEUED_RESULTS)
         try:
-            while active := [job for job in self._jobs() if job.is_active]:
-                await asyncio.sleep(PERIOD_S)
-                self._beat(active, subscription)
+            while self._active or self._files:
+                await asyncio.sleep(PERIOD_S if self._active else 0.0)
+                self._beat(subscription)
                 await self._keep()
         finally:
             subscription.close()
-            await asyncio.to_thread(self._close)
+            if self._files:  # cancelled
+                await asyncio.to_thread(_close, self._files)
 
-    def _beat(self, active: list[Job], subscription: Subscription[StepResult]) -> None:
+    @property
+    def _active(self) -> list[Job]:
+        return [job for job in self._jobs() if job.is_active]
+
+    def _beat(self, subscription: Subscription[StepResult]) -> None:
         now_s, self._beats = time.monotonic(), self._beats + 1
-        results, mag_scale = subscription.drain(), self._board.mag_scale
-        for result in results:
+        active, mag_scale = self._active, self._board.mag_scale
+        for result in subscription.drain():
             self._feed(active, result, mag_scale, now_s)
         lost, self._lost = subscription.lost - self._lost, subscription.lost
         for job in active:
             job.lost_results += lost
-            job.look(now_s)
-            if job.wants_fit:
-                self._spawn(job, False)
-            if job.state is JobState.VERIFYING and self._beats % JUDGE_EVERY == 0 and job.judge():
-                job.end_verification(now_s)
+            self._guarded(job, lambda one: self._tend(one, now_s), now_s)
+
+    def _guarded(self, job: Job, work: Callable[[Job], None], now_s: float) -> None:
+        """Do something with a job; a defect of its collector is a state of this job and ends nothing else."""
+        try:
+            work(job)
+        except DEFECTS as error:
+            log.error("calibration %s failed", job.id, exc_info=error)
+            job.fail(now_s)
+
+    def _tend(self, job: Job, now_s: float) -> None:
+        job.look(now_s)
+        if job.wants_fit:
+            self._spawn(job, False)
+        if job.state is JobState.VERIFYING and self._beats % JUDGE_EVERY == 0 and job.judge():
+            job.end_verification()
 
     def _feed(self, active: list[Job], result: StepResult, mag_scale: float, now_s: float) -> None:
-        for kind, t_ns, rows in runs(result.block, mag_scale, self._board.converted):
+        for run in runs(result.block, mag_scale, self._board.converted):
             for job in active:
-                if job.state is JobState.FITTING:
-                    continue
-                job.feed(kind, t_ns, rows, now_s)
-                if job.state is JobState.COLLECTING and job.id not in self._files:
-                    self._files[job.id] = self._sample_file(job)
-                file = self._files.get(job.id)
-                if file is not None and job.state is JobState.COLLECTING:
-                    file.add(kind, t_ns, rows)
+                self._guarded(job, lambda one, run=run: self._hand(one, run, now_s), now_s)  # type: ignore[misc]
+
+    def _hand(self, job: Job, run: Run, now_s: float) -> None:
+        """Feed a job and its file; what comes while it fits waits, so that a refused attempt leaves no hole."""
+        if job.state is JobState.FITTING:
+            held = self._held.setdefault(job.id, [])
+            if len(held) < HELD_RUNS:
+                held.append(run)
+            return
+        for kind, t_ns, rows in (*self._held.pop(job.id, ()), run):
+            job.feed(kind, t_ns, rows, now_s)
+            file = self._file(job) if job.state in COLLECTS else None
+            if file is not None:
+                file.add(kind, t_ns, rows)
+
+    def _file(self, job: Job) -> SampleFile | None:
+        if job.id not in self._files:
+            self._files[job.id] = self._sample_file(job)
+        return self._files[job.id]
 
     async def _keep(self) -> None:
-        """Write what is pending of the raw samples, in a thread."""
-        if self._beats % 10 == 0 and self._files:
-            await asyncio.to_thread(lambda: [file.flush() for file in self._files.values() if file is not None])
+        """Write what is pending of the raw samples, in a thread; close the files of jobs that collect no more."""
+        going_on = {job.id for job in self._jobs() if job.state in COLLECTS or job.state is JobState.FITTING}
+        ended = {job_id: self._files.pop(job_id) for job_id in set(self._files) - going_on}
+        self._held = {job_id: runs for job_id, runs in self._held.items() if job_id in going_on}
+        if ended:
+            await asyncio.to_thread(_close, ended)
+        if self._beats % KEEP_EVERY == 0 and self._files:
+            await asyncio.to_thread(_flush, tuple(self._files.values()))
 
-    def _close(self) -> None:
-        for job_id, file in self._files.items():
-            stopped = file.close().stopped if file is not None else ""
-            if stopped not in {"", "closed"}:
-                log.warning("raw samples of %s: %s", job_id, stopped)
+
+def _flush(files: Iterable[SampleFile | None]) -> None:
+    for file in files:
+        if file is not None:
+            file.flush()
+
+
+def _close(files: Mapping[str, SampleFile | None]) -> None:
+    for job_id, file in files.items():
+        stopped = file.close().stopped if file is not None else ""
+        if stopped not in {"", "closed"}:
+            log.warning("raw samples of %s: %s", job_id, stopped)
 
 
 def fitted(collector: Collector, job: Job) -> tuple[Fit, Check | None]:
@@ -99,7 +146,7 @@ def fitted(collector: Collector, job: Job) -> tuple[Fit, Check | None]:
     try:
         fit = collector.fit()
         present = collector.check(in_words_of(job.kind, job.present)) if fit.ok and has_present(job) else None
-    except (ArithmeticError, ValueError, IndexError, KeyError) as error:  # a defect of ours: the job says so
+    except DEFECTS as error:  # a defect of ours: the job says so
         log.error("calibration %s failed", job.id, exc_info=error)
         return Fit(kind=job.kind, failure=failure("program")), None
     return fit, present

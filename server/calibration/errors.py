@@ -17,6 +17,18 @@ STORE_CODES: Final[dict[str, int]] = {
 """Code → the HTTP status that fits it."""
 
 
+DEFECTS: Final = (
+    ArithmeticError,
+    AttributeError,
+    LookupError,
+    MemoryError,
+    RuntimeError,
+    TypeError,
+    ValueError,
+)
+"""What a defect of a collector raises: the job ends with it, and nothing else."""
+
+
 class StoreError(Exception):
     """The store refuses or cannot; nothing was changed.
 

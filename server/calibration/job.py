@@ -8,6 +8,8 @@ A refused attempt that a person asked for leaves the job collecting: what was co
 
 from __future__ import annotations
 
+import math
+import time
 from dataclasses import dataclass, field, replace
 from enum import StrEnum
 from typing import Final
@@ -50,6 +52,8 @@ SILENT_S: Final = 1.5
 """So long without a sample of its kind, and a job shows itself paused."""
 SLOW_KINDS: Final = {Kind.BARO: 4.0, Kind.AIRSPEED: 4.0, Kind.MAG: 3.0}
 VERIFY_TIMEOUT_S: Final = 180.0
+PAUSED_TIMEOUT_S: Final = 3600.0
+"""So long paused in all, and a job is given up; until then a lost link costs none of its time."""
 INPUT_OF: Final[dict[Sensor, Kind]] = {
     Sensor.GYRO: Kind.IMU,
     Sensor.ACCEL: Kind.IMU,
@@ -58,15 +62,9 @@ INPUT_OF: Final[dict[Sensor, Kind]] = {
     Sensor.AIRSPEED: Kind.AIRSPEED,
     Sensor.BARO: Kind.BARO,
 }
-TIMEOUT_S: Final[dict[CalKind, float]] = {
-    CalKind.GYRO_BIAS: 120.0,
-    CalKind.LEVEL: 120.0,
-    CalKind.AIRSPEED_ZERO: 120.0,
-    CalKind.BARO_REFERENCE: 120.0,
-    CalKind.MAG_FIXED_HEADING: 120.0,
-    CalKind.MAG_IN_FLIGHT: 3600.0,
-}
-LONG_TIMEOUT_S: Final = 900.0
+DEAR_S: Final = 0.005
+LOOK_APART: Final = 20.0
+"""A progress that takes longer than that to build is built anew only after so many times as long."""
 
 
 @dataclass(slots=True, kw_only=True)
@@ -94,14 +92,19 @@ class Job:
     samples_file: str = ""
     ended_s: float = field(default=float("nan"))
     lost_results: int = 0
+    is_applying: bool = False
     _collector: Collector = field(init=False)
     _verifier: Collector | None = field(default=None, init=False)
     _progress: Progress | None = field(default=None, init=False)
     _fed_s: float = field(default=float("nan"), init=False)
     _verify_from_s: float = field(default=0.0, init=False)
+    _looked_s: float = field(init=False)
+    _look_again_s: float = field(default=0.0, init=False)
+    _paused_s: float = field(default=0.0, init=False)
 
     def __post_init__(self) -> None:
         self._collector = collector_for(self.kind, self.options)
+        self._looked_s = self.started_s
 
     @property
     def sensor(self) -> Sensor:
@@ -115,36 +118,51 @@ class Job:
 
     @property
     def progress(self) -> Progress:
-        """How far it is; its fraction never goes back (a restart is counted beside it)."""
+        """How far it is; its fraction never goes back, but a verification begins at 0 and ends at the result.
+
+        While it fits, this is what was seen before: the collector belongs to the thread then.
+        """
         if self._progress is None:
+            begun_s = time.perf_counter()
             found = (self._verifier or self._collector).progress()
-            if self._verifier is None:
-                self.fraction = max(self.fraction, min(max(found.fraction, 0.0), 1.0))
-                found = replace(found, fraction=self.fraction)
-            self._progress = found
+            took_s = time.perf_counter() - begun_s
+            self._look_again_s = self._looked_s + LOOK_APART * took_s if took_s > DEAR_S else 0.0
+            self.fraction = max(self.fraction, min(max(found.fraction, 0.0), 1.0))
+            self._progress = replace(found, fraction=self.fraction)
         return self._progress
 
     def feed(self, kind: Kind, t_ns: Int, rows: Float, now_s: float) -> None:
-        """Take samples, raw, the magnetometer's in gauss, in order of arrival."""
+        """Take samples, raw, the magnetometer's in gauss, in order of arrival; ignored where none are collected."""
+        if self.state not in COLLECTS and self.state is not JobState.VERIFYING:
+            return
         if kind is INPUT_OF[self.sensor]:
             self._fed_s = now_s
-            if self.state in {JobState.WAITING, JobState.PAUSED}:
+            if self.state in COLLECTS:
                 self.state = JobState.COLLECTING
-        target = self._verifier if self.state is JobState.VERIFYING else self._collector
-        if target is not None:
-            target.feed(kind, t_ns, conditioned(self.kind, kind, rows, self.present))
+        (self._verifier or self._collector).feed(kind, t_ns, conditioned(self.kind, kind, rows, self.present))
+        if now_s >= self._look_again_s:
             self._progress = None
 
     def look(self, now_s: float) -> None:
-        """Notice silence and the end of the time."""
+        """Notice silence and the end of the time; a lost link costs none of it."""
+        if self.state is JobState.PAUSED:
+            self._paused_s += now_s - self._looked_s
+        self._looked_s = now_s
         silent_s = SLOW_KINDS.get(INPUT_OF[self.sensor], SILENT_S)
         if self.state is JobState.COLLECTING and now_s - self._fed_s > silent_s:
-            self.state, self._progress = JobState.PAUSED, None
-        if self.state in COLLECTS and now_s - self.started_s > self.timeout_s:
-            code = "no-data" if self.state is JobState.WAITING else "timed-out"
-            self.refuse(failure(code, now_s - self.started_s, self.timeout_s, "s"), now_s)
+            self.state = JobState.PAUSED
+        if self.state in COLLECTS:
+            self._end_in_time(now_s)
         if self.state is JobState.VERIFYING and now_s - self._verify_from_s > VERIFY_TIMEOUT_S:
-            self.end_verification(now_s)
+            self.end_verification()
+
+    def _end_in_time(self, now_s: float) -> None:
+        spent_s = now_s - self.started_s - self._paused_s
+        if spent_s > self.timeout_s:
+            code = "no-data" if self.state is JobState.WAITING else "timed-out"
+            self.refuse(failure(code, spent_s, self.timeout_s, "s"), now_s)
+        elif self._paused_s > PAUSED_TIMEOUT_S:
+            self.refuse(failure("timed-out", self._paused_s, PAUSED_TIMEOUT_S, "s"), now_s)
 
     @property
     def wants_fit(self) -> bool:
@@ -152,8 +170,9 @@ class Job:
         return self.state is JobState.COLLECTING and self.progress.is_complete
 
     def begin_fit(self) -> Collector:
-        """Stop collecting; return what is to be fitted, in a thread."""
-        self.state, self._progress = JobState.FITTING, None
+        """Stop collecting; return what is to be fitted, in a thread, which nobody else touches meanwhile."""
+        self._progress = self.progress
+        self.state = JobState.FITTING
         return self._collector
 
     def end_fit(self, fit: Fit, present_check: Check | None, *, asked: bool, now_s: float) -> None:
@@ -164,6 +183,8 @@ class Job:
         if fit.failure is None:
             self.fit, self.present_check = fit, present_check
             self.fraction, self.state, self.ended_s = 1.0, JobState.FITTED, now_s
+        elif asked and math.isnan(self._fed_s):
+            self.state = JobState.WAITING
         elif asked:
             self.state, self._fed_s = JobState.COLLECTING, now_s
         else:
@@ -174,6 +195,7 @@ class Job:
         """Collect fresh data under the new parameters."""
         self._verifier = collector_for(self.kind, self.options)
         self.state, self._progress, self._verify_from_s = JobState.VERIFYING, None, now_s
+        self.fraction = 0.0
         self.check = self.check_failure = None
 
     def judge(self) -> bool:
@@ -186,21 +208,37 @@ class Job:
             self.check = found
         return found.failure is None
 
-    def end_verification(self, _now_s: float) -> None:
+    def end_verification(self) -> None:
         """Go back to the result, judged or not."""
-        self._verifier, self._progress = None, None
+        self._verifier, self._progress, self.fraction = None, None, 1.0
         self.state = JobState.APPLIED if self.set_id else JobState.FITTED
 
     def cancel(self, now_s: float) -> None:
         """End it; a verification alone is given up, the result stays."""
         if self.state is JobState.VERIFYING:
-            self.end_verification(now_s)
-            return
-        self.state, self.ended_s, self._progress = JobState.CANCELLED, now_s, None
+            self.end_verification()
+        else:
+            self._end(JobState.CANCELLED, now_s)
 
     def refuse(self, why: Failure, now_s: float) -> None:
-        """End it with a reason."""
-        self.refusal, self.state, self.ended_s, self._progress = why, JobState.REFUSED, now_s, None
+        """End it with a reason; of a verification the reason stays, and the result as well."""
+        if self.state is JobState.VERIFYING:
+            self.check_failure = why
+            self.end_verification()
+        else:
+            self.refusal = why
+            self._end(JobState.REFUSED, now_s)
+
+    def fail(self, now_s: float) -> None:
+        """End it after a defect of its collector, which is asked nothing more."""
+        self.refuse(failure("program"), now_s)
+        if self._progress is None:
+            self._progress = Progress(fraction=self.fraction, phase="waiting", instruction="wait")
+
+    def _end(self, state: JobState, now_s: float) -> None:
+        self.state = state
+        if math.isnan(self.ended_s):
+            self.ended_s = now_s
 
     def applied(self, set_id: str) -> None:
         """Note the set that was made of the result and put in force."""

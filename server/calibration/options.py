@@ -16,8 +16,10 @@ if TYPE_CHECKING:
 
 def options_from(told: OptionsIn, site: Site | None) -> Options:
     """Return the options; a person's word wins over the site's."""
-    field = tuple(site.field_n_gauss) if site is not None else ()
-    strength = float(np.linalg.norm(field)) if field else NAN
+    field = np.array(site.field_n_gauss) if site is not None else np.empty(0)
+    strength = float(np.linalg.norm(field)) if field.size else NAN
+    if field.size and told.strength_gauss is not None:
+        field = field * (told.strength_gauss / strength)
     gravity = site.gravity_m_s2 if site is not None else GRAVITY_M_S2
     return Options(
         unit="si",
@@ -29,6 +31,6 @@ def options_from(told: OptionsIn, site: Site | None) -> Options:
         duration_s=told.duration_s if told.duration_s is not None else NAN,
         heading_rad=math.radians(told.heading_deg) if told.heading_deg is not None else NAN,
         heading_sigma_rad=math.radians(told.heading_sigma_deg),
-        field_n_gauss=field,
+        field_n_gauss=tuple(field.tolist()),
         height_m=told.height_m if told.height_m is not None else NAN,
     )

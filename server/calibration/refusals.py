@@ -7,6 +7,7 @@ from typing import Final
 from server.calibration.errors import StoreError
 from server.calibration.job import Job
 from server.commands import Refusal, RefusalKind
+from server.nav.calibration.codes import FAILURES
 from server.nav.calibration.types import SENSOR_OF, CalKind
 
 KIND_OF_STATUS: Final = {404: RefusalKind.MISSING, 422: RefusalKind.INVALID}
@@ -91,4 +92,50 @@ def not_settled() -> Refusal:
         code="not-settled",
         detail="Nothing has been learned that may be kept.",
         remedy="Switch learning on, and let the vehicle turn about more than one axis.",
+    )
+
+
+def applying(job: Job) -> Refusal:
+    """Say that the result is on its way into force."""
+    return Refusal(
+        kind=RefusalKind.CONFLICT,
+        code="wrong-state",
+        detail=f"Job {job.id} is being applied at this moment.",
+        remedy="Wait for it; roll back afterwards if it was not wanted.",
+        name="state",
+        value=job.state.value,
+    )
+
+
+def outdated(job: Job) -> Refusal:
+    """Say that a result rests on sensors that are calibrated otherwise by now."""
+    return Refusal(
+        kind=RefusalKind.CONFLICT,
+        code="calibration-changed",
+        detail=f"Job {job.id} was made with another calibration of the accelerometer or mounting than is in force now.",
+        remedy="Start it again: it takes seconds.",
+        name="job",
+        value=job.id,
+    )
+
+
+def unknown(code: str, name: str) -> Refusal:
+    """Say what has to be known before this kind can begin: `field-unknown`, `heading-unknown`."""
+    is_ours = code == "heading-unknown"  # only a person can tell it
+    return Refusal(
+        kind=RefusalKind.INVALID if is_ours else RefusalKind.CONFLICT,
+        code=code,
+        detail=FAILURES[code],
+        remedy=f"Give {name}." if is_ours else f"Wait for a position, or give {name}.",
+        name=name,
+    )
+
+
+def impossible(error: ValueError) -> Refusal:
+    """Say why numbers cannot be a calibration; nothing was changed."""
+    return Refusal(
+        kind=RefusalKind.INVALID,
+        code="impossible-calibration",
+        detail=f"It cannot be put in force: {error}.",
+        remedy="Correct the numbers, or calibrate anew.",
     )

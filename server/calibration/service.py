@@ -13,10 +13,20 @@ from typing import TYPE_CHECKING, Any, Final
 from server.boards import Boards, no_board
 from server.calibration.driver import Driver, fitted
 from server.calibration.errors import StoreError
-from server.calibration.job import COLLECTS, LONG_TIMEOUT_S, TIMEOUT_S, Job, JobState
+from server.calibration.job import COLLECTS, Job, JobState
 from server.calibration.keeper import Keeper, Person
+from server.calibration.needs import LONG_TIMEOUT_S, TIMEOUT_S, is_outdated, what_misses
 from server.calibration.options import options_from
-from server.calibration.refusals import bad_option, busy, clash, dry_run, no_job, wrong_state
+from server.calibration.refusals import (
+    applying,
+    bad_option,
+    busy,
+    clash,
+    dry_run,
+    no_job,
+    outdated,
+    wrong_state,
+)
 from server.calibration.samples import SampleFile
 from server.calibration.scene import CalibrationScene
 from server.calibration_views import job_out
@@ -88,6 +98,8 @@ class Calibrations:
             job = self._new_job(board, kind, wish, by)
         except ValueError as error:
             return bad_option(error)
+        if (missing := what_misses(job)) is not None:
+            return missing
         self._enlist(board, job)
         board.note("calibration-started", "info", f"Calibration {kind.value} started.")
         return job
@@ -125,8 +137,8 @@ class Calibrations:
 
     def _sample_file(self, job: Job) -> SampleFile | None:
         try:
-            file = SampleFile(self.keeper.store.samples_folder(job.board_id, job.id), max_bytes=MAX_SAMPLE_BYTES)
-        except (OSError, StoreError) as error:
+            file = SampleFile(self.keeper.samples_folder(job.board_id, job.id), max_bytes=MAX_SAMPLE_BYTES)
+        except OSError as error:
             log.warning("raw samples of %s are not kept: %s", job.id, error)
             return None
         job.samples_file = str(file.folder)
@@ -145,8 +157,9 @@ class Calibrations:
 
         async def work() -> None:
             fit, present = await asyncio.to_thread(fitted, collector, job)
-            job.end_fit(fit, present, asked=asked, now_s=time.monotonic())
-            self._tell_result(job)
+            if job.state is JobState.FITTING:  # else it was cancelled meanwhile
+                job.end_fit(fit, present, asked=asked, now_s=time.monotonic())
+                self._tell_result(job)
 
         self._spawn(work())
 
@@ -170,6 +183,8 @@ class Calibrations:
         """End a job at any time before it was applied; a verification alone is given up."""
         if not job.is_active and job.state is not JobState.FITTED:
             return wrong_state(job, "cancel", "active or fitted")
+        if job.is_applying:
+            return applying(job)
         job.cancel(time.monotonic())
         return job
 
@@ -178,6 +193,8 @@ class Calibrations:
         board = self._boards.get(job.board_id)
         if job.state not in {JobState.FITTED, JobState.APPLIED} or board is None:
             return wrong_state(job, "verify", "fitted or applied")
+        if job.is_applying:
+            return applying(job)
         holder = next((one for one in self._jobs[job.board_id] if one.is_active and clash(one, job.kind)), None)
         if holder is not None:
             return busy(holder)
@@ -195,7 +212,13 @@ class Calibrations:
                 return wrong_state(job, "apply", "fitted")
             if job.dry_run:
                 return dry_run(job)
-            stored = await self.keeper.keep_result(board, job, by)
+            if is_outdated(job, board.calibration):
+                return outdated(job)
+            job.is_applying = True
+            try:
+                stored = await self.keeper.keep_result(board, job, by)
+            finally:
+                job.is_applying = False
             if isinstance(stored, Refusal):
                 return stored
             job.applied(stored.id)
@@ -215,10 +238,13 @@ class Calibrations:
                 board.set_calibration(calibration)
             for trouble in troubles:
                 board.note("calibration-store-trouble", "warning", trouble)
-        except (OSError, StoreError) as error:
+        except (OSError, StoreError, ValueError) as error:  # ValueError: numbers that the engine does not take
             board.note("calibration-unreadable", "warning", f"The stored calibration cannot be read: {error}")
 
     def _board_removed(self, board_id: str) -> None:
+        driver = self._drivers.pop(board_id, None)
+        if driver is not None:  # it reads this board's hub: another board of the same id gets one of its own
+            driver.cancel()
         for job in self._jobs.get(board_id, []):
             if job.is_active:
                 job.refuse(failure("board-removed"), time.monotonic())

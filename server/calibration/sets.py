@@ -3,13 +3,14 @@
 from __future__ import annotations
 
 import asyncio
-from collections.abc import Callable
+from collections.abc import Callable, Sequence
 from typing import TYPE_CHECKING, TypeVar
 
 from server.calibration.errors import StoreError
-from server.calibration.keeper import Keeper
+from server.calibration.keeper import Keeper, impossible_set
 from server.calibration.refusals import store_failed
 from server.commands import Refusal
+from server.nav.calibration.applied import Calibration
 from server.nav.calibration.types import Sensor
 
 if TYPE_CHECKING:
@@ -47,24 +48,29 @@ class StoredSets:
 
     async def apply(self, board: Board, set_id: str, by: Person) -> Refusal | None:
         """Put a stored set in force."""
-        return await self._change(board, lambda: self._keeper.store.apply(board.id, set_id, by.name))
+        wanted = await self.get(board.id, set_id)
+        if isinstance(wanted, Refusal):
+            return wanted
+        return _refused(await self._keeper.change(board, lambda store: store.apply(board.id, set_id, by.name), wanted))
 
     async def take_off(self, board: Board, sensor: Sensor, by: Person) -> Refusal | None:
         """Have a sensor work without a calibration of ours."""
-        return await self._change(board, lambda: self._keeper.store.take_off(board.id, sensor, by.name))
+        return _refused(await self._keeper.change(board, lambda store: store.take_off(board.id, sensor, by.name)))
 
     async def roll_back(self, board: Board, sensor: Sensor, by: Person) -> Refusal | None:
         """Put in force what was in force before."""
-        return await self._change(board, lambda: self._keeper.store.roll_back(board.id, sensor, by.name))
+        return _refused(await self._keeper.change(board, lambda store: store.roll_back(board.id, sensor, by.name)))
 
     async def delete(self, board_id: str, set_id: str) -> Refusal | None:
         """Forget a set that is not in force."""
-        reply = await _tried(lambda: self._keeper.store.delete(board_id, set_id))
-        return reply if isinstance(reply, Refusal) else None
+        return _refused(await _tried(lambda: self._keeper.store.delete(board_id, set_id)))
 
-    async def add(self, found: CalibrationSet) -> CalibrationSet | Refusal:
-        """Store a set without applying it."""
-        return await _tried(lambda: self._keeper.store.add(found))
+    async def add(self, found: Sequence[CalibrationSet]) -> list[CalibrationSet] | Refusal:
+        """Store sets without applying them; none of them when one could never be in force."""
+        refusals = [refusal for one in found if (refusal := impossible_set(Calibration(), one)) is not None]
+        if refusals:
+            return refusals[0]
+        return await _tried(lambda: [self._keeper.store.add(one) for one in found])
 
     async def diff(self, board_id: str, old_id: str, new_id: str) -> list[Change] | Refusal:
         """Compare two sets of one sensor number by number."""
@@ -75,12 +81,9 @@ class StoredSets:
         """What the store had to put aside when it was opened."""
         return tuple(self._keeper.store.troubles)
 
-    async def _change(self, board: Board, change: Callable[[], object]) -> Refusal | None:
-        reply = await _tried(change)
-        if isinstance(reply, Refusal):
-            return reply
-        await self._keeper.reload(board)
-        return None
+
+def _refused(reply: object) -> Refusal | None:
+    return reply if isinstance(reply, Refusal) else None
 
 
 async def _tried(work: Callable[[], T]) -> T | Refusal:

@@ -5,6 +5,8 @@ from __future__ import annotations
 from collections.abc import Mapping
 from dataclasses import replace
 
+import numpy as np
+
 from server.nav.calibration.applied import Calibration
 from server.nav.calibration.mag_learning import MagLearnState
 from server.nav.calibration_events import calibration_event, chain_event, level_event
@@ -87,6 +89,9 @@ class Controls:
         self._conditioning.take_changed()
         if self._started:
             if turned:
+                self._learning.restart()  # what was learned is of another unit or of other axes
+                if self._conditioning.chain.has_learned:
+                    self._conditioning.learn(np.zeros(3))
                 self._bank.restart()
             self._bank.start(self._lane_context())
 

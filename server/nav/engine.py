@@ -128,6 +128,10 @@ class NavEngine(Controls):
         self._resolve_delays((math.nan,) * 4)
         self._bank.start(self._lane_context())
 
+    def _mag_behind_imu_s(self) -> float:
+        """Return how much older than the IMU's a magnetic sample of the same stamp is; NaN when nobody told."""
+        return self._delays_s[1] - (self._lane_context().delays_s[0] if math.isfinite(self._delays_s[0]) else 0.0)
+
     def _lane_context(self) -> LaneContext:
         imu, mag, gnss, baro = self._delays_s
         filters_s = self._conditioning.imu_delay_s
@@ -199,7 +203,7 @@ class NavEngine(Controls):
         if len(got.steps):
             if self._learning.run:
                 learned = self._conditioning.chain.learned_gauss
-                self._learning.take(got.steps, got.meas, learned, self._t0_ns, self._delays_s[1])
+                self._learning.take(got.steps, got.meas, learned, self._t0_ns, self._mag_behind_imu_s())
             self._run_lanes(got.steps, got.meas, part)
         if self._conditioning.take_changed():
             self._bank.start(self._lane_context())

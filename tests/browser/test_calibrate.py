@@ -95,6 +95,7 @@ def finish(page: Page, timeout_s: float = 60.0) -> None:
 
 
 def verify_and_apply(server: Server, page: Page, sensor: str) -> None:
+    page.locator(".demo .state", has_text="At rest").wait_for(timeout=30_000)  # fresh data begins with a rest
     button(page, "Verify on fresh data").click()
     until(page, "verified", lambda: page.locator("[data-check=ok]").count() > 0)
     button(page, "Apply").click()

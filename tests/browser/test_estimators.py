@@ -200,7 +200,7 @@ def test_each_measurements_delay_is_shown_with_who_told_it(server: Server, scree
     assert "known of this kind of board" in row.inner_text()
     with urllib.request.urlopen(f"{server.url}/api/v1/boards/sim/health", timeout=10) as answer:
         told = {one["measurement"]: one for one in json.load(answer)["delays"]}
-    assert told["mag"] == {"measurement": "mag", "delay_s": 0.05, "sigma_s": None, "source": "board"}
+    assert told["mag"] == {"measurement": "mag", "delay_s": 0.05, "sigma_s": None, "filter_s": None, "source": "board"}
 
 
 def test_who_may_only_look_is_told_so_and_cannot_switch(start_server: StartServer, open_page: OpenPage) -> None:

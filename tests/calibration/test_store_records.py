@@ -10,6 +10,7 @@ import pytest
 from server.calibration.diff import diff
 from server.calibration.records import CalibrationSet, set_from_fit
 from server.calibration.records_json import from_json, to_json
+from server.nav.calibration.applied import Calibration
 from server.nav.calibration.codes import failure
 from server.nav.calibration.types import CalKind, Fit, Sensor
 from tests.calibration.store_sets import BOARD, full_set, mag_set
@@ -60,7 +61,7 @@ def test_a_missing_field_is_named():
 
 def test_a_gyro_bias_keeps_the_scale_in_force():
     fit = Fit(kind=CalKind.GYRO_BIAS, parameters={"bias": np.ones(3)}, sigma={"bias": np.ones(3)}, grade="good")
-    kept = set_from_fit(fit, board_id=BOARD, present={"scale": np.full(3, 1.5), "bias": np.zeros(3)}, source="job")
+    kept = set_from_fit(fit, board_id=BOARD, present=Calibration(gyro_matrix=np.diag([1.5] * 3)), source="job")
     assert kept.sensor is Sensor.GYRO
     assert kept.parameters["scale"].tolist() == [1.5] * 3
     assert (kept.parameters["bias"].tolist(), kept.source) == ([1.0] * 3, "job")
@@ -68,7 +69,7 @@ def test_a_gyro_bias_keeps_the_scale_in_force():
 
 def test_a_refused_fit_makes_no_set():
     with pytest.raises(ValueError, match="refused"):
-        set_from_fit(Fit(kind=CalKind.LEVEL, failure=failure("motion")), board_id=BOARD, present={})
+        set_from_fit(Fit(kind=CalKind.LEVEL, failure=failure("motion")), board_id=BOARD, present=Calibration())
 
 
 def test_a_diff_gives_change_and_change_in_standard_deviations():

@@ -125,7 +125,7 @@ class Calibration:
     def of(self, sensor: Sensor) -> dict[str, Value]:
         """Return one sensor's parameters in force, as `having` takes them."""
         table: dict[Sensor, dict[str, Value]] = {
-            Sensor.GYRO: {"scale": np.diag(self.gyro_matrix).copy(), "bias": self.gyro_offset},
+            Sensor.GYRO: {**self._gyro_shape(), "bias": self.gyro_offset},
             Sensor.ACCEL: {"matrix": self.accel_matrix, "offset": self.accel_offset},
             Sensor.MAG: {"matrix": self.mag_matrix, "offset": self.mag_offset},
             Sensor.BOARD: {"matrix": self.level},
@@ -133,6 +133,11 @@ class Calibration:
             Sensor.BARO: {"bias": self.baro_bias_m},
         }
         return table[sensor]
+
+    def _gyro_shape(self) -> dict[str, Value]:
+        """Return the scale, or the matrix where an import gave one that is more than that."""
+        scale = np.diag(self.gyro_matrix).copy()
+        return {"scale": scale} if np.array_equal(np.diag(scale), self.gyro_matrix) else {"matrix": self.gyro_matrix}
 
 
 def conditioned(job: CalKind, kind: Kind, rows: Float, present: Calibration) -> Float:
@@ -166,11 +171,11 @@ def merged(
 ) -> dict[str, Value]:
     """Return the sensor's whole parameters after a calibration that finds only part of them.
 
-    A gyro bias keeps the scale in force, and so does a turntable for axes that were not turned (their σ is NaN). A
-    magnetic offset b found after the matrix M in force, from M (raw − o), is taken off as M (raw − o − M⁻¹ b).
+    A gyro bias keeps the scale or matrix in force, and so does a turntable for axes that were not turned (their σ is
+    NaN). A magnetic offset b found after the matrix M in force, from M (raw − o), is taken off as M (raw − o − M⁻¹ b).
     """
     if kind is CalKind.GYRO_BIAS:
-        return {"scale": np.diag(present.gyro_matrix).copy(), **found}
+        return {**present.of(Sensor.GYRO), **found}
     if kind is CalKind.GYRO_SCALE:
         turned = np.isfinite(np.asarray(sigma["scale"]))
         return {**found, "scale": np.where(turned, found["scale"], np.diag(present.gyro_matrix))}

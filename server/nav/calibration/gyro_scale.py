@@ -144,7 +144,7 @@ class GyroScale:
         """Judge the scale on fresh turns: the angle that is left over, against a share of it (`types.Collector`)."""
         movements = self._movements()
         scale = np.asarray(parameters["scale"])
-        turns = find_turns(movements, self._options)
+        turns = find_turns([m for m in movements if m.both], self._options)  # a turn that goes on is no turn yet
         why = self._failure(movements, turns)
         if why is not None:
             return Check(ok=False, residual=Residual(value=NAN, unit="rad"), limit=NAN, samples=0, failure=why)

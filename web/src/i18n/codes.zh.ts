@@ -118,6 +118,10 @@ export const codesZh: Readonly<Record<string, { cause: string; remedy?: string }
   "mag-scale-unknown": { cause: "上报的磁场不符合任何已知单位。", remedy: "远离铁磁物与电流；校准磁力计。" },
   "mag-field-implausible": { cause: "上报的磁场强度不合理。", remedy: "远离铁磁物与电流；校准磁力计。" },
   "imu-stuck": { cause: "惯性测量单元的数值不再变化。", remedy: "检查飞控板上的传感器，重启飞控板。" },
+  "imu-clipped": {
+    cause: "惯性测量单元读数达到量程上限：超出部分丢失，估计会漂移。",
+    remedy: "改善减振、平衡旋翼，或在飞控板上选择更大的量程。",
+  },
   "imu-gaps": { cause: "惯性测量单元的数据有间断。", remedy: "检查链路负载与飞控板负荷。" },
   "imu-missing": {
     cause: "飞控板不发送惯性数据，无法导航。",

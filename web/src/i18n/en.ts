@@ -460,6 +460,7 @@ export const en = {
   "delay.nobody": "Nobody told it and it is not estimated; none is assumed.",
   "delay.none": "No sample yet.",
   "delay.from.settings": "Told: your setting",
+  "delay.filters": "(+ {ms} ms by our own filters)",
   "delay.from.board": "Told: known of this kind of board",
   "delay.from.estimated": "Estimated",
   "delay.from.unsure": "Estimated; used once surer than 50 ms",

@@ -442,6 +442,7 @@ export const zh: Catalogue = {
   "delay.nobody": "无人告知，也未估计；按零处理。",
   "delay.none": "尚无样本。",
   "delay.from.settings": "已告知：您的设置",
+  "delay.filters": "(另加我们自己的滤波 {ms} ms)",
   "delay.from.board": "已告知：此类飞控板的已知值",
   "delay.from.estimated": "估计值",
   "delay.from.unsure": "估计值；不确定度低于 50 毫秒后使用",
