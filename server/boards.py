@@ -77,7 +77,7 @@ class Boards:
         self._keys[board_id] = link_key(command.url)
         for told in self.on_added:
             await told(board)
-        if self._group is not None:
+        if self._group is not None and self._boards.get(board_id) is board:  # it may have been removed meanwhile
             self._run(board)
         return Done(board_id=board_id)
 

@@ -321,7 +321,15 @@ describe("numbers of a calibration", () => {
 });
 
 describe("options", () => {
-  const none: Choices = { axis: "", turns: "", parameters: 9, heading: "", headingSigma: "", height: "" };
+  const none: Choices = {
+    axis: "",
+    turns: "",
+    parameters: 9,
+    heading: "",
+    headingSigma: "",
+    height: "",
+    strength: "",
+  };
 
   it("hold only what the kind understands", () => {
     expect(optionsOf("gyro_bias", { ...none, height: "5", axis: "x" })).toMatchObject({

@@ -75,6 +75,8 @@ export const calibrateEn = {
   "cal.opt.heading": "True heading",
   "cal.opt.headingHint": "degrees clockwise from true north",
   "cal.opt.headingSigma": "Known to ±",
+  "cal.opt.strength": "Strength of the Earth's field here",
+  "cal.opt.strengthHint": "empty: by the model, which needs a position; 0.25 to 0.65",
   "cal.opt.height": "Height here",
   "cal.opt.heightHint": "empty: 0",
   "cal.opt.dry": "Dry run",

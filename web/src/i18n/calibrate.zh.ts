@@ -69,6 +69,8 @@ export const calibrateZh: Readonly<Record<keyof typeof calibrateEn, string>> = {
   "cal.opt.heading": "真航向",
   "cal.opt.headingHint": "自真北顺时针的度数",
   "cal.opt.headingSigma": "已知精度 ±",
+  "cal.opt.strength": "此处地磁场强度",
+  "cal.opt.strengthHint": "留空：按模型计算，需要位置；0.25 至 0.65",
   "cal.opt.height": "此处高度",
   "cal.opt.heightHint": "留空：0",
   "cal.opt.dry": "试运行",

@@ -8,10 +8,11 @@ export interface Choices {
   heading: string;
   headingSigma: string;
   height: string;
+  strength: string;
 }
 
 type Limits = readonly [low: number, high: number];
-type Numeric = "turns" | "heading" | "headingSigma" | "height";
+type Numeric = "turns" | "heading" | "headingSigma" | "height" | "strength";
 
 /** As `server/wire_calibration.py` has them. */
 const LIMITS: Readonly<Record<Numeric, Limits>> = {
@@ -19,10 +20,12 @@ const LIMITS: Readonly<Record<Numeric, Limits>> = {
   heading: [-360, 360],
   headingSigma: [0.1, 45],
   height: [-1000, 20000],
+  strength: [0.1, 2],
 };
 
 const FIELDS: Readonly<Partial<Record<CalKind, readonly Numeric[]>>> = {
   gyro_scale: ["turns"],
+  mag_ellipsoid: ["strength"],
   mag_fixed_heading: ["heading", "headingSigma"],
   baro_reference: ["height"],
 };
@@ -32,6 +35,7 @@ const NAME = {
   heading: "heading_deg",
   headingSigma: "heading_sigma_deg",
   height: "height_m",
+  strength: "strength_gauss",
 } as const;
 
 export interface ReadOptions {
