@@ -139,7 +139,7 @@ def test_a_flight_learns_what_the_autopilot_learned(x8, known):
     collector = MagInFlight(Options())
     if known:
         collector._learner.reset(tuple(logged[0]), 0.03)
-    flown(*samples, collector)
+    flown(*samples, collector=collector)
     fit = collector.fit()
     assert fit.ok
     assert np.abs(fit.parameters["offset"] - logged[-1]).max() < 0.010
