@@ -139,7 +139,8 @@ def test_a_flight_learns_what_the_autopilot_learned(x8, known):
     collector = MagInFlight(Options())
     if known:
         collector._learner.reset(tuple(logged[0]), 0.03)
-    flown(*samples, collector=collector)
+    t_imu, gyro, accel, t_mag, field = samples
+    flown(t_imu, gyro, accel, t_mag, field, collector)
     fit = collector.fit()
     assert fit.ok
     assert np.abs(fit.parameters["offset"] - logged[-1]).max() < 0.010
