@@ -206,7 +206,7 @@ export const calibrateEn = {
   "cal.limits.accel_multi_pose": "Good: residual to 0.03 m/s², known to 0.2 %. Fair: 0.1 m/s², 0.6 %.",
   "cal.limits.level": "Good: known to 0.06°, gravity within 0.1 m/s². Fair: 0.23°, 0.4 m/s².",
   "cal.limits.mag_ellipsoid":
-    "Good: residual to 2 %, 75 % covered, offset known to 1 %. Fair: 4 %, 50 %, 2 %.",
+    "Good: residual to 2 %, 75 % covered, offset known to 1.2 %. Fair: 4 %, 50 %, 2.5 %.",
   "cal.limits.mag_fixed_heading": "Good: known to 4 % of the field. Fair: 8 %.",
   "cal.limits.mag_in_flight": "Good: known to 0.7 µT. Fair: 1.1 µT.",
   "cal.limits.airspeed_zero": "Good: steady to 2 Pa, offset below 150 Pa. Fair: 8 Pa, 400 Pa.",

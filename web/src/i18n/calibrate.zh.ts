@@ -198,7 +198,7 @@ export const calibrateZh: Readonly<Record<keyof typeof calibrateEn, string>> = {
   "cal.limits.accel_six_position": "良好：残差 0.03 m/s² 以内，面的偏差 1.5° 以内。一般：0.1 m/s²，3°。",
   "cal.limits.accel_multi_pose": "良好：残差 0.03 m/s² 以内，精度 0.2 %。一般：0.1 m/s²，0.6 %。",
   "cal.limits.level": "良好：精度 0.06°，重力偏差 0.1 m/s² 以内。一般：0.23°，0.4 m/s²。",
-  "cal.limits.mag_ellipsoid": "良好：残差 2 %，覆盖 75 %，零偏精度 1 %。一般：4 %，50 %，2 %。",
+  "cal.limits.mag_ellipsoid": "良好：残差 2 %，覆盖 75 %，零偏精度 1.2 %。一般：4 %，50 %，2.5 %。",
   "cal.limits.mag_fixed_heading": "良好：精度为磁场的 4 %。一般：8 %。",
   "cal.limits.mag_in_flight": "良好：精度 0.7 µT。一般：1.1 µT。",
   "cal.limits.airspeed_zero": "良好：稳定在 2 Pa 以内，零偏小于 150 Pa。一般：8 Pa，400 Pa。",
