@@ -66,7 +66,7 @@ def normalised_errors(lane: Float, truth: Float) -> tuple[Float, Float, Float]:
             (truth[:, _VEL : _VEL + 3] - lane[:, _VEL : _VEL + 3]) / sigma[:, 3:6],
             place_errors(lane[:, _LLA : _LLA + 3], truth[:, _LLA : _LLA + 3]) / sigma[:, 6:9],
         )
-    return tuple(np.where(np.isfinite(part), part, np.nan) for part in x)  # type: ignore[return-value]
+    return tuple(np.where(np.isfinite(part), part, np.nan) for part in x)  # type: ignore[return-value]  # three parts, as x has
 
 
 def interpolated(at_ns: Int, t_ns: Int, rows: Float) -> Float:

@@ -33,13 +33,13 @@ def polar(matrix: Float) -> Float:
 
 
 def six(t_ns: Int, accel: Float, **options: object) -> Fit:
-    collector = SixPosition(Options(**options))  # type: ignore[arg-type]
+    collector = SixPosition(Options(**options))  # type: ignore[arg-type]  # options by name, of several types
     collector.feed(Kind.IMU, t_ns, table(None, accel, len(t_ns)))
     return collector.fit()
 
 
 def multi(t_ns: Int, accel: Float, **options: object) -> Fit:
-    collector = MultiPose(Options(**options))  # type: ignore[arg-type]
+    collector = MultiPose(Options(**options))  # type: ignore[arg-type]  # options by name, of several types
     collector.feed(Kind.IMU, t_ns, table(None, accel, len(t_ns)))
     return collector.fit()
 

@@ -38,7 +38,7 @@ def code(fit: Fit) -> str:
 def test_six_single_samples_give_the_six_positions_and_no_sigma(unit: str) -> None:
     counts = 16384.0 / GRAVITY if unit == "raw" else 1.0
     accel = read(GRAVITY * UP[ORDER], S0_MATRIX, S0_OFFSET, 0.0, np.random.default_rng(1)) * counts
-    fit = taken(SixPosition(Options(unit=unit)), accel, 1)  # type: ignore[arg-type]
+    fit = taken(SixPosition(Options(unit=unit)), accel, 1)  # type: ignore[arg-type]  # parametrized str
     np.testing.assert_allclose(np.asarray(fit.parameters["offset"]) / counts, S0_OFFSET, atol=1e-6)
     np.testing.assert_allclose(np.asarray(fit.parameters["matrix"]) * counts, S0_MATRIX, atol=1e-6)
     assert np.isnan(fit.sigma["offset"]).all()

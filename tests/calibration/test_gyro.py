@@ -14,7 +14,7 @@ from tests.calibration.imu_made import S0_BIAS, UP, Made, table
 
 
 def bias_of(t_ns: Int, gyro: Float, **options: object) -> Fit:
-    collector = GyroBias(Options(**options))  # type: ignore[arg-type]
+    collector = GyroBias(Options(**options))  # type: ignore[arg-type]  # options by name, of several types
     collector.feed(Kind.IMU, t_ns, table(gyro, None, len(t_ns)))
     return collector.fit()
 
@@ -38,7 +38,7 @@ def turn_stream(
 
 
 def scale_fit(t_ns: Int, gyro: Float, **options: object) -> Fit:
-    collector = GyroScale(Options(**options))  # type: ignore[arg-type]
+    collector = GyroScale(Options(**options))  # type: ignore[arg-type]  # options by name, of several types
     collector.feed(Kind.IMU, t_ns, table(gyro, None, len(t_ns)))
     return collector.fit()
 

@@ -28,7 +28,7 @@ def session(turns: Sequence[tuple[int, float]], seed: int = 0) -> tuple[Int, Flo
 
 
 def fitted(t_ns: Int, gyro: Float, ranges: Sequence[tuple[int, int]], **options: object) -> Fit:
-    collector = GyroScale(Options(**options))  # type: ignore[arg-type]
+    collector = GyroScale(Options(**options))  # type: ignore[arg-type]  # options by name, of several types
     return collector.fit_ranges(t_ns, table(gyro, None, len(t_ns)), ranges)
 
 

@@ -14,7 +14,7 @@ from tests.calibration.imu_made import GRAVITY, faces_stream, poses_stream, spre
 
 def fed(t_ns: Int, rows: Float, **options: object) -> PoseCollector:
     """Return a collector that has seen this stream in one piece."""
-    collector = PoseCollector(Options(**options))  # type: ignore[arg-type]
+    collector = PoseCollector(Options(**options))  # type: ignore[arg-type]  # options by name, of several types
     collector.feed(Kind.IMU, t_ns, rows)
     return collector
 

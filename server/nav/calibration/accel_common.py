@@ -7,12 +7,12 @@ from collections.abc import Mapping, Sequence
 import numpy as np
 
 from server.nav.calibration import grades
-from server.nav.calibration.codes import failure
+from server.nav.calibration.codes import failure, outside
 from server.nav.calibration.pose import Pose
 from server.nav.calibration.poses import PoseCollector
-from server.nav.calibration.statistics import rms
+from server.nav.calibration.statistics import mean_known, rms
 from server.nav.calibration.types import NAN, CalKind, Check, Failure, Fit, Options, Residual, Value
-from server.nav.types import Float
+from server.nav.types import Float, Int, Kind
 
 STILL_SHARE = 0.1  # of the time: less is no session of poses
 BLINK_SHARE, BLINK_S = 0.5, 1.2  # as is half of it in poses hardly longer than the shortest that counts
@@ -20,19 +20,18 @@ MOTION_S = 3.0  # no pose in so long: it was moving
 
 
 def means_of(poses: Sequence[Pose]) -> Float:
-    """Return shape (k, 3)."""
+    """Return the poses' mean specific forces, shape (k, 3), board axes, in the unit of the data."""
     return np.array([pose.accel for pose in poses]).reshape(-1, 3)
 
 
 def temperature_of(poses: Sequence[Pose]) -> float:
     """Return the mean temperature in °C; NaN unknown."""
-    known = [pose.temperature_degc for pose in poses if np.isfinite(pose.temperature_degc)]
-    return float(np.mean(known)) if known else NAN
+    return mean_known(np.array([pose.temperature_degc for pose in poses]))
 
 
 def refused(kind: CalKind, why: Failure, collector: PoseCollector, **more: object) -> Fit:
     """Return the refusal."""
-    return Fit(kind=kind, failure=why, samples=collector.samples, **more)  # type: ignore[arg-type]
+    return Fit(kind=kind, failure=why, samples=collector.samples, **more)  # type: ignore[arg-type]  # `more` names fields of Fit; object loses their types
 
 
 def early_failure(collector: PoseCollector, options: Options, least: int) -> Failure | None:
@@ -65,13 +64,7 @@ def gravity_failure(poses: Sequence[Pose], options: Options) -> Failure | None:
 
 def length_failure(length: float, gravity: float) -> Failure | None:
     """Return the refusal of a length at rest that is not gravity's, m/s²."""
-    for limit, wrong in (
-        (grades.GRAVITY_LOW * gravity, length < grades.GRAVITY_LOW * gravity),
-        (grades.GRAVITY_HIGH * gravity, length > grades.GRAVITY_HIGH * gravity),
-    ):
-        if wrong:
-            return failure("gravity", length, limit, "m/s²")
-    return None
+    return outside("gravity", length, grades.GRAVITY_LOW * gravity, grades.GRAVITY_HIGH * gravity, "m/s²")
 
 
 def moving_failure(collector: PoseCollector, least: int) -> Failure | None:
@@ -102,3 +95,33 @@ def check_poses(poses: Sequence[Pose], parameters: Mapping[str, Value], options:
     samples = sum(pose.samples for pose in poses)
     residual = Residual(value=value, unit="m/s²")
     return Check(ok=why is None and value <= limit, residual=residual, limit=limit, samples=samples, failure=why)
+
+
+class PoseCalibration:
+    """What the accelerometer's calibrations have in common: the poses they collect, and how parameters are judged."""
+
+    def __init__(self, options: Options) -> None:
+        """Start without samples."""
+        self._options = options
+        self._poses = PoseCollector(options)
+
+    def feed(self, kind: Kind, t_ns: Int, rows: Float) -> None:
+        """Take samples (`types.Collector`)."""
+        self._poses.feed(kind, t_ns, rows)
+
+    def fit_ranges(self, t_ns: Int, rows: Float, ranges: Sequence[tuple[int, int]]) -> Fit:
+        """Fit with these sample ranges [first, end) as the poses, in any order, instead of looking for them."""
+        self._poses.take_ranges(t_ns, rows, ranges)
+        return self.fit()
+
+    def finish(self) -> None:
+        """Take the end of the stream for its end, so that the last few samples count."""
+        self._poses.finish()
+
+    def fit(self) -> Fit:
+        """Fit, or refuse (`types.Collector`)."""
+        raise NotImplementedError
+
+    def check(self, parameters: Mapping[str, Value]) -> Check:
+        """Judge parameters on fresh poses, whatever their directions (`types.Collector`)."""
+        return check_poses(self._poses.poses, parameters, self._options)

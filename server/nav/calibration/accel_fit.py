@@ -120,7 +120,7 @@ def _result(n: Normal, b: Float, matrix: Float, cov: Float, jac: Float, gravity:
         offset_sigma=n.radius * np.sqrt(np.maximum(var_b, 0.0)),
         matrix_sigma=(gravity / n.radius) * np.sqrt(np.maximum(var_m, 0.0)).reshape(3, 3),
         length=length,
-        **more,  # type: ignore[arg-type]
+        **more,  # type: ignore[arg-type]  # `more` names fields of AccelFit; object loses their types
     )
 
 

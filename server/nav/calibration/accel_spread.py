@@ -7,6 +7,7 @@ from typing import Final
 import numpy as np
 
 from server.nav.calibration.accel_fit import TRIANGLE
+from server.nav.calibration.sphere_cells import fibonacci_directions
 from server.nav.calibration.statistics import directions
 from server.nav.types import Float
 
@@ -15,16 +16,7 @@ COVER_COS: Final = float(np.cos(np.radians(50.0)))  # nine well-spread poses cov
 CANDIDATES: Final = 100
 
 
-def _fibonacci(n: int) -> Float:
-    """Return n directions evenly over the sphere, shape (n, 3)."""
-    i = np.arange(n) + 0.5
-    z = 1.0 - 2.0 * i / n
-    angle = np.pi * (1.0 + np.sqrt(5.0)) * i
-    radius = np.sqrt(1.0 - z * z)
-    return np.column_stack([radius * np.cos(angle), radius * np.sin(angle), z])
-
-
-SPHERE: Final = _fibonacci(CANDIDATES)
+SPHERE: Final = fibonacci_directions(CANDIDATES)
 
 
 def distinct(unit: Float) -> Float:

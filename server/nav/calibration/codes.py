@@ -39,3 +39,10 @@ FAILURES: Final[dict[str, str]] = {
 def failure(code: str, measured: float = float("nan"), limit: float = float("nan"), unit: str = "") -> Failure:
     """Return the failure of this code; `KeyError` for a code that is not in the list."""
     return Failure(code=code, measured=float(measured), limit=float(limit), unit=unit, advice=FAILURES[code])
+
+
+def outside(code: str, measured: float, low: float, high: float, unit: str) -> Failure | None:
+    """Return the failure of a number beyond one of two limits in `unit`, with that limit; None within, and for NaN."""
+    if measured < low:
+        return failure(code, measured, low, unit)
+    return failure(code, measured, high, unit) if measured > high else None

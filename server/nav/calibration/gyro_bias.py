@@ -10,7 +10,7 @@ import numpy as np
 from server.nav.calibration import grades
 from server.nav.calibration.blocks import B_MEAN, B_N, B_T0, B_T1, B_TEMPERATURE, B_VAR, BlockTable
 from server.nav.calibration.codes import failure
-from server.nav.calibration.statistics import mean_sigma, weighted_mean, with_resolution
+from server.nav.calibration.statistics import mean_known, mean_sigma, weighted_mean, with_resolution
 from server.nav.calibration.stillness import Scale, StillLimits, count_step, scale_of_counts, still_runs
 from server.nav.calibration.types import NAN, CalKind, Check, Failure, Fit, Grade, Options, Progress, Residual, Value
 from server.nav.types import Float, Int, Kind
@@ -47,6 +47,7 @@ class GyroBias:
         self._options = options
         self._table = BlockTable(needs=0, least_n=BLOCK_SAMPLES, least_s=BLOCK_S)
         self._duration_s = DURATION_S if np.isnan(options.duration_s) else options.duration_s
+        self._unit = "rad/s" if options.unit == "si" else "counts"
         self._known: tuple[int, list[tuple[int, int]]] = (-1, [])
 
     def feed(self, kind: Kind, t_ns: Int, rows: Float) -> None:
@@ -152,18 +153,16 @@ class GyroBias:
         step = self._step()
         sigma = with_resolution(mean_sigma(rates, rest[:, B_VAR : B_VAR + 3], n), std, step)
         batches = _batches(rates, n)
-        unit = "rad/s" if self._options.unit == "si" else "counts"
-        warm = rest[np.isfinite(rest[:, B_TEMPERATURE]), B_TEMPERATURE]
         return Fit(
             kind=KIND,
             parameters={"bias": bias},
             sigma={"bias": sigma},
-            residual_before=Residual(value=_rms_norm(batches), unit=unit),
-            residual_after=Residual(value=_rms_norm(batches - bias), unit=unit),
+            residual_before=Residual(value=_rms_norm(batches), unit=self._unit),
+            residual_after=Residual(value=_rms_norm(batches - bias), unit=self._unit),
             coverage=1.0,
             grade=self._grade(bias, sigma),
             samples=int(n.sum()),
-            temperature_degc=float(warm.mean()) if warm.size else NAN,
+            temperature_degc=mean_known(rest[:, B_TEMPERATURE]),
             details={"rest_s": _span_s(rest), "restarts": float(self._restarts())},
         )
 
@@ -180,11 +179,10 @@ class GyroBias:
     def check(self, parameters: Mapping[str, Value]) -> Check:
         """Judge on a fresh rest: the mean rate that is left (`types.Collector`)."""
         rest = self._rest()
-        unit = "rad/s" if self._options.unit == "si" else "counts"
         limit = grades.CHECK_RATE_RAD_S
         if not self._is_enough(rest):
             why = self._failure(rest) or failure("motion")
-            return Check(ok=False, residual=Residual(value=NAN, unit=unit), limit=limit, samples=0, failure=why)
+            return Check(ok=False, residual=Residual(value=NAN, unit=self._unit), limit=limit, samples=0, failure=why)
         mean = weighted_mean(rest[:, B_MEAN : B_MEAN + 3], rest[:, B_N])
         scale = np.asarray(parameters.get("scale", np.ones(3)))
         left = scale * (mean - np.asarray(parameters["bias"]))
@@ -192,7 +190,7 @@ class GyroBias:
             limit = 5.0 * float(np.sqrt(weighted_mean(rest[:, B_VAR : B_VAR + 3], rest[:, B_N]).max()))
         value = float(np.linalg.norm(left))
         samples = int(rest[:, B_N].sum())
-        return Check(ok=value <= limit, residual=Residual(value=value, unit=unit), limit=limit, samples=samples)
+        return Check(ok=value <= limit, residual=Residual(value=value, unit=self._unit), limit=limit, samples=samples)
 
 
 def _span_s(blocks: Float) -> float:

@@ -26,6 +26,7 @@ from server.nav.calibration.blocks import (
 )
 from server.nav.calibration.statistics import mean_sigma, weighted_mean
 from server.nav.calibration.stillness import Scale, StillLimits, scale_of_counts, still_runs
+from server.nav.calibration.types import GRAVITY_M_S2
 from server.nav.types import Float
 
 BLOCK_SAMPLES: Final = 4
@@ -105,7 +106,7 @@ def find_rests(table: Float, unit: str) -> list[Rest]:
     near it, none when that is more than any bias; in counts, whose zero is unknown, the first steady rate: a turn
     starts from rest.
     """
-    scale = Scale(accel=9.80665, gyro=1.0) if unit == "si" or not len(table) else scale_of_counts(table)
+    scale = Scale(accel=GRAVITY_M_S2, gyro=1.0) if unit == "si" or not len(table) else scale_of_counts(table)
     steady = [rest_of(table, a, b) for a, b in still_runs(table, REST_LIMITS, scale)]
     if unit == "si":
         steady = [run for run in steady if float(np.abs(run.bias).max()) <= grades.GYRO_BIAS_MAX_RAD_S]

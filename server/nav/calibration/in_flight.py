@@ -93,7 +93,7 @@ class MagInFlight:
             self._point = ()
 
     def state(self) -> MagLearnState:
-        """Return what the learning says after everything fed so far, in gauss."""
+        """Return what the learning says after everything fed so far, in gauss; its times are since the first sample."""
         self._drain(is_last=True)
         return self._learner.state()
 

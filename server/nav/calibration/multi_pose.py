@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-from collections.abc import Mapping, Sequence
 from typing import Final
 
 import numpy as np
@@ -10,7 +9,7 @@ from numpy.typing import NDArray
 
 from server.nav.calibration import grades
 from server.nav.calibration.accel_common import (
-    check_poses,
+    PoseCalibration,
     early_failure,
     means_of,
     moving_failure,
@@ -22,10 +21,10 @@ from server.nav.calibration.accel_fit import AccelFit, fit_norm, sphere
 from server.nav.calibration.accel_spread import amplification, distinct, farthest, uncovered
 from server.nav.calibration.codes import failure
 from server.nav.calibration.pose import Pose
-from server.nav.calibration.poses import POSE_S, PoseCollector
+from server.nav.calibration.poses import POSE_S
 from server.nav.calibration.statistics import directions, rms
-from server.nav.calibration.types import CalKind, Check, Failure, Fit, Options, Progress, Residual, Value
-from server.nav.types import Float, Int, Kind
+from server.nav.calibration.types import CalKind, Failure, Fit, Progress, Residual
+from server.nav.types import Float
 
 KIND: Final = CalKind.ACCEL_MULTI_POSE
 COMPLETE_POSES: Final = 14  # five more than parameters, so that a bad one shows
@@ -42,26 +41,8 @@ def triangular(matrix: Float) -> Float:
     return np.asarray(r * np.sign(np.diag(r))[:, None])
 
 
-class MultiPose:
+class MultiPose(PoseCalibration):
     """Collects static poses in any direction and fits offset and a symmetric matrix."""
-
-    def __init__(self, options: Options) -> None:
-        """Start without samples."""
-        self._options = options
-        self._poses = PoseCollector(options)
-
-    def feed(self, kind: Kind, t_ns: Int, rows: Float) -> None:
-        """Take samples (`types.Collector`)."""
-        self._poses.feed(kind, t_ns, rows)
-
-    def fit_ranges(self, t_ns: Int, rows: Float, ranges: Sequence[tuple[int, int]]) -> Fit:
-        """Fit with these sample ranges [first, end) as the poses instead of looking for them."""
-        self._poses.take_ranges(t_ns, rows, ranges)
-        return self.fit()
-
-    def finish(self) -> None:
-        """Take the end of the stream for its end, so that the last few samples count."""
-        self._poses.finish()
 
     def _centred(self) -> Float:
         """Return the poses about their centre in units of the radius, shape (k, 3)."""
@@ -139,10 +120,6 @@ class MultiPose:
                 **{f"triangular_{i}{j}": float(upper[i, j]) for i in range(3) for j in range(i, 3)},
             },
         )
-
-    def check(self, parameters: Mapping[str, Value]) -> Check:
-        """Judge parameters on fresh poses (`types.Collector`)."""
-        return check_poses(self._poses.poses, parameters, self._options)
 
 
 def _move(samples: int, complete: bool, still_s: float) -> tuple[str, str]:

@@ -22,7 +22,7 @@ from server.nav.calibration.blocks import (
     B_TEMPERATURE,
     B_VAR,
 )
-from server.nav.calibration.statistics import mean_sigma, weighted_mean, with_resolution
+from server.nav.calibration.statistics import mean_known, mean_sigma, weighted_mean, with_resolution
 from server.nav.calibration.stillness import block_std
 from server.nav.types import Float
 
@@ -70,7 +70,6 @@ def pose_of(blocks: Float) -> Pose:
     gyro = weighted_mean(mean[with_gyro, :3], blocks[with_gyro, B_GYROS]) if with_gyro.any() else np.full(3, np.nan)
     low, at_low = _extreme(blocks[:, B_MIN + 3 : B_MIN + 6], blocks[:, B_AT_MIN + 3 : B_AT_MIN + 6], np.minimum)
     high, at_high = _extreme(blocks[:, B_MAX + 3 : B_MAX + 6], blocks[:, B_AT_MAX + 3 : B_AT_MAX + 6], np.maximum)
-    warm = blocks[np.isfinite(blocks[:, B_TEMPERATURE]), B_TEMPERATURE]
     return Pose(
         accel=weighted_mean(mean[:, 3:], n),
         gyro=gyro,
@@ -84,7 +83,7 @@ def pose_of(blocks: Float) -> Pose:
         t0_ns=int(blocks[0, B_T0]),
         t1_ns=int(blocks[-1, B_T1]),
         first=int(blocks[0, B_FIRST]),
-        temperature_degc=float(warm.mean()) if warm.size else float("nan"),
+        temperature_degc=mean_known(blocks[:, B_TEMPERATURE]),
     )
 
 

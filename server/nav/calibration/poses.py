@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Sequence
+from dataclasses import replace
 from typing import Final
 
 import numpy as np
@@ -24,6 +25,10 @@ OPEN_BLOCKS: Final = 3
 POSE_S: Final = 5 * BLOCK_S  # shortest pose
 
 
+def _new_table() -> BlockTable:
+    return BlockTable(needs=1, least_n=BLOCK_SAMPLES, least_s=BLOCK_S)
+
+
 class PoseCollector:
     """Collects static poses from IMU samples; the same for live, for files and for any cut of the stream."""
 
@@ -36,7 +41,7 @@ class PoseCollector:
         """
         self._options = options
         self._limits = limits or StillLimits()
-        self._table = BlockTable(needs=1, least_n=BLOCK_SAMPLES, least_s=BLOCK_S)
+        self._table = _new_table()
         self._known: tuple[int, list[Pose], Scale] = (-1, [], Scale(accel=1.0, gyro=1.0))
         self._given: list[Pose] | None = None
         self._stir = 0.0
@@ -54,7 +59,7 @@ class PoseCollector:
         """Take these ranges [first, end) of samples as the poses, each one, instead of looking for them."""
         tables = []
         for a, b in ranges:
-            table = BlockTable(needs=1, least_n=BLOCK_SAMPLES, least_s=BLOCK_S)
+            table = _new_table()
             table.feed(t_ns[a:b], rows[a:b])
             table.flush()
             if len(table.rows):
@@ -141,19 +146,10 @@ class PoseCollector:
     @property
     def still_s(self) -> float:
         """How long the board has been held still until now."""
-        blocks, limits = self._table.rows, self._limits
+        blocks = self._table.rows
         if not len(blocks):
             return 0.0
-        anything = StillLimits(
-            accel_std=limits.accel_std,
-            accel_std_cap=limits.accel_std_cap,
-            accel_shift=limits.accel_shift,
-            gyro_std=limits.gyro_std,
-            gyro_std_cap=limits.gyro_std_cap,
-            gyro_shift=limits.gyro_shift,
-            least_blocks=1,
-        )
-        runs = still_runs(blocks, anything, self.scale)
+        runs = still_runs(blocks, replace(self._limits, least_blocks=1), self.scale)
         if not runs or runs[-1][1] != len(blocks):
             return 0.0
         return float(blocks[-1, B_T1] - blocks[runs[-1][0], B_T0]) * 1e-9

@@ -7,9 +7,6 @@ from typing import Final, cast
 
 from server.nav.calibration.types import CalKind, Collector, Options
 
-NEEDS_CALIBRATED: Final = frozenset({CalKind.LEVEL, CalKind.MAG_FIXED_HEADING, CalKind.MAG_IN_FLIGHT})
-"""Kinds whose samples have to go through `applied.conditioned`."""
-
 _CLASSES: Final = {
     CalKind.GYRO_BIAS: "gyro_bias.GyroBias",
     CalKind.GYRO_SCALE: "gyro_scale.GyroScale",

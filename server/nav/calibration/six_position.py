@@ -2,14 +2,13 @@
 
 from __future__ import annotations
 
-from collections.abc import Mapping, Sequence
 from typing import Final
 
 import numpy as np
 
 from server.nav.calibration import grades
 from server.nav.calibration.accel_common import (
-    check_poses,
+    PoseCalibration,
     early_failure,
     means_of,
     moving_failure,
@@ -22,40 +21,22 @@ from server.nav.calibration.accel_fit import REFERENCES, AccelFit, closed_form, 
 from server.nav.calibration.blocks import B_MEAN
 from server.nav.calibration.codes import failure
 from server.nav.calibration.pose import Pose
-from server.nav.calibration.poses import POSE_S, PoseCollector
+from server.nav.calibration.poses import POSE_S
 from server.nav.calibration.statistics import rms
-from server.nav.calibration.types import FACES, CalKind, Check, Failure, Fit, Options, Progress, Residual, Value
-from server.nav.types import Float, Int, Kind
+from server.nav.calibration.types import FACES, CalKind, Failure, Fit, Options, Progress, Residual
+from server.nav.types import Float
 
 KIND: Final = CalKind.ACCEL_SIX_POSITION
 FACES_BY_CHANCE: Final = 3  # so many come by themselves when a board tumbles slowly
 
 
-class SixPosition:
+class SixPosition(PoseCalibration):
     """Collects the six faces and fits offset and full matrix.
 
     The result is the least-squares fit of `accel_fit.fit_faces`; the closed form of S0 stands beside it in the details,
     as the comparison. The sigma covers the sensor's noise and, across the axes, how well the board was put down; a
     table that is not level for all six poses alike is in it only as far as the poses turn against it.
     """
-
-    def __init__(self, options: Options) -> None:
-        """Start without samples."""
-        self._options = options
-        self._poses = PoseCollector(options)
-
-    def feed(self, kind: Kind, t_ns: Int, rows: Float) -> None:
-        """Take samples (`types.Collector`)."""
-        self._poses.feed(kind, t_ns, rows)
-
-    def fit_ranges(self, t_ns: Int, rows: Float, ranges: Sequence[tuple[int, int]]) -> Fit:
-        """Fit with these sample ranges [first, end) as the poses, in any order, instead of looking for them."""
-        self._poses.take_ranges(t_ns, rows, ranges)
-        return self.fit()
-
-    def finish(self) -> None:
-        """Take the end of the stream for its end, so that the last few samples count."""
-        self._poses.finish()
 
     def _faces(self) -> tuple[list[Pose], list[int]]:
         """Return all poses, and of each its face, −1 where it is none."""
@@ -158,10 +139,6 @@ class SixPosition:
                 **_compared(found, poses, faces, self._options.gravity_m_s2),
             },
         )
-
-    def check(self, parameters: Mapping[str, Value]) -> Check:
-        """Judge parameters on fresh poses, which need not be faces (`types.Collector`)."""
-        return check_poses(self._poses.poses, parameters, self._options)
 
 
 def _move(samples: int, missing: list[str], now: str, still_s: float) -> tuple[str, str]:

@@ -29,8 +29,3 @@ def cell_of(directions: Float) -> Int:
     """Return the cell of each direction, shape (n,); the directions, shape (n, 3), need not be of unit length."""
     cell: Int = np.argmax(directions @ DIRECTIONS.T, axis=1).astype(np.int64)
     return cell
-
-
-def occupied(directions: Float) -> Float:
-    """Return shape (CELLS,), how many of the directions, shape (n, 3), fall into each cell."""
-    return np.bincount(cell_of(directions), minlength=CELLS).astype(np.float64)

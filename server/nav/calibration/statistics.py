@@ -65,6 +65,12 @@ def with_resolution(sigma: Float, std: Float, step: float) -> Float:
     return np.where(std < DITHER * step, np.hypot(sigma, step / math.sqrt(12.0)), sigma)
 
 
+def mean_known(values: Float) -> float:
+    """Return the mean of the finite ones, in their unit; NaN for none."""
+    known = values[np.isfinite(values)]
+    return float(known.mean()) if known.size else float("nan")
+
+
 def rms(values: Float) -> float:
     """Return the root of the mean square; 0 for none."""
     return float(np.sqrt(np.mean(np.square(values)))) if np.size(values) else 0.0

@@ -6,7 +6,7 @@ from typing import Final
 
 import numpy as np
 
-from server.nav.calibration.types import NAN
+from server.nav.calibration.statistics import mean_known
 from server.nav.types import Float, Int, Kind
 
 BATCH_S: Final = 0.5  # means of half a second: noise is gone, wind and lifts are not
@@ -17,7 +17,7 @@ CAPACITY: Final = 200_000  # samples kept; the oldest go
 
 
 class Steady:
-    """Keeps one column of one kind of samples since the last hole, and tells whether it was steady."""
+    """Keeps the first columns of one kind of samples since the last hole; the newest `CAPACITY` of them."""
 
     def __init__(self, kind: Kind) -> None:
         """Start empty."""
@@ -78,14 +78,13 @@ class Steady:
         return len(self._t)
 
     def column(self, i: int) -> tuple[Int, Float]:
-        """Return times and values of one column where it is known."""
+        """Return board times, ns, and values, shapes (k,), of a column of `SAMPLE_COLUMNS[kind]` where it is known."""
         known = np.isfinite(self._rows[:, i])
         return self._t[known], self._rows[known, i]
 
     def temperature(self) -> float:
         """Return the mean temperature, °C; NaN unknown."""
-        values = self.column(TEMPERATURE)[1]
-        return float(values.mean()) if values.size else NAN
+        return mean_known(self._rows[:, TEMPERATURE])
 
 
 def batch_means(t_ns: Int, values: Float) -> Float:

@@ -13,10 +13,11 @@ from typing import Final, Literal, Protocol
 
 import numpy as np
 
+from server.nav.constants import STANDARD_GRAVITY_M_S2
 from server.nav.types import Float, Int, Kind
 
 NAN: Final = float("nan")
-GRAVITY_M_S2: Final = 9.80665
+GRAVITY_M_S2: Final = STANDARD_GRAVITY_M_S2
 
 
 class CalKind(StrEnum):
@@ -222,8 +223,8 @@ class Collector(Protocol):
             kind: what they are; kinds that a collector does not need are ignored.
             t_ns: shape (n,), the board's stamps; a jump backwards is a reboot, a hole a lost link: what needs
                 continuity starts again, what is finished (a pose, a covered direction) stays.
-            rows: shape (n, ROW_WIDTH), columns `SAMPLE_COLUMNS[kind]`. Not yet calibrated (the magnetometer in gauss),
-                but for `needs_calibrated` collectors. Non-finite samples are ignored.
+            rows: shape (n, ROW_WIDTH), columns `SAMPLE_COLUMNS[kind]`, as `applied.conditioned` gives them: for most
+                kinds not yet calibrated (the magnetometer in gauss). Non-finite samples are ignored.
         """
         ...
 

@@ -8,7 +8,7 @@ from typing import Final
 import numpy as np
 
 from server.nav.calibration import grades
-from server.nav.calibration.codes import failure
+from server.nav.calibration.codes import failure, outside
 from server.nav.calibration.steady import Steady, batch_means, mean_and_sigma
 from server.nav.calibration.types import NAN, CalKind, Check, Failure, Fit, Options, Progress, Residual, Value
 from server.nav.preprocess.check import height_from_pressure
@@ -184,13 +184,9 @@ class BaroReference(_Zero):
     def _implausible(self, values: Float) -> Failure | None:
         pressure = self._steady.column(0)[1]
         if len(pressure):
-            mean = float(pressure.mean())
-            for limit, bad in (
-                (grades.BARO_LOW_PA, mean < grades.BARO_LOW_PA),
-                (grades.BARO_HIGH_PA, mean > grades.BARO_HIGH_PA),
-            ):
-                if bad:
-                    return failure("out-of-range", mean, limit, "Pa")
+            why = outside("out-of-range", float(pressure.mean()), grades.BARO_LOW_PA, grades.BARO_HIGH_PA, "Pa")
+            if why is not None:
+                return why
         height = float(values.mean())
         if abs(height) > grades.BARO_HEIGHT_MAX_M:
             return failure("out-of-range", height, grades.BARO_HEIGHT_MAX_M, "m")

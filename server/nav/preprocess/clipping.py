@@ -4,11 +4,11 @@ from __future__ import annotations
 
 from typing import Final
 
+from server.nav.constants import STANDARD_GRAVITY_M_S2
 from server.nav.kernel import kernel
 from server.nav.preprocess.chain_layout import FULL_SCALE_TOLERANCE
 from server.nav.types import Float
 
-STANDARD_GRAVITY_M_S2: Final = 9.80665
 GYRO_LEAST_RAD_S: Final = 0.95 * 2.1816615649929116  # ±125 °/s, the narrowest range of MEMS gyros
 ACCEL_LEAST_M_S2: Final = 0.95 * 2.0 * STANDARD_GRAVITY_M_S2  # ±2 g likewise
 

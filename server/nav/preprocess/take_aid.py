@@ -38,22 +38,22 @@ from server.nav.types import Float, Int
 
 FUTURE_NS: Final = 2e9
 """An aid stamped this far after the newest IMU sample is not of the same clock."""
-MAG_BLOCK: Final = at.block_at(at.MAG)
-BARO_BLOCK: Final = at.block_at(at.BARO)
-AIRSPEED_BLOCK: Final = at.block_at(at.AIRSPEED)
+
+
+@kernel("int64(int64)")
+def _sensor_of(kind: int) -> int:
+    """Return the chain's number of the sensor of magnetic, barometric or airspeed samples."""
+    return at.MAG if kind == MAG else (at.BARO if kind == BARO else at.AIRSPEED)
 
 
 @kernel("void(int64, float64[::1], float64[::1], int64[::1])")
 def _from_counts(kind: int, row: Float, c: Float, counters: Int) -> None:
     """Convert raw counts in place; count a sample at the end of a range that was told."""
-    block, first, numbers = MAG_BLOCK, 0, 3
-    if kind == BARO:
-        block, numbers = BARO_BLOCK, 1
-    elif kind == AIRSPEED:
-        block, numbers = AIRSPEED_BLOCK, 1
+    block = at.K_BLOCKS + _sensor_of(kind) * at.B_SIZE
+    numbers = 3 if kind == MAG else 1
     if c[block + at.B_UNITS] > 0.0:
         if kind == MAG:
-            convert(c, block, row, first)
+            convert(c, block, row, 0)
         else:
             row[0] = c[block + at.B_SCALE] * (row[0] - c[block + at.B_ZERO])
             row[1] = math.nan  # follows from the pressure
@@ -70,8 +70,7 @@ def _through_chain(kind: int, t: float, status: int, row: Float, c: Float, stage
     """Calibrate and filter a believed sample in place; return the delay of its filters, s."""
     if status != FUSED and not (kind == MAG and status == REFUSED_DISTURBED):
         return 0.0
-    sensor = at.MAG if kind == MAG else (at.BARO if kind == BARO else at.AIRSPEED)
-    b = at.K_BLOCKS + sensor * at.B_SIZE
+    b = at.K_BLOCKS + _sensor_of(kind) * at.B_SIZE
     if c[b + at.B_FILLED] > 0.0 and t <= c[b + at.B_T_LAST]:
         return 0.0
     delay = 0.0
@@ -113,8 +112,7 @@ def take_aid(kind: int, t: float, s: Float, n: Int, c: Float, out: Float, stage:
     status = FUSED
     on = False
     if MAG <= kind <= AIRSPEED and kind != GNSS:
-        sensor = at.MAG if kind == MAG else (at.BARO if kind == BARO else at.AIRSPEED)
-        on = c[at.K_ON + sensor] > 0.0
+        on = c[at.K_ON + _sensor_of(kind)] > 0.0
     if on:
         _from_counts(kind, row, c, counters)
     if kind == MAG:
