@@ -15,7 +15,6 @@ import typer
 from server.cli_calibrate import calibrate
 from server.cli_output import refuse, say
 
-COMMANDS: Final = ("serve", "ports", "emulate", "replay", "compare", "doctor", "montecarlo", "calibrate")
 GLOBAL_FLAGS: Final = ("--help", "--version")
 MARKS: Final = {"ok": "ok     ", "caution": "caution", "problem": "PROBLEM"}
 
@@ -76,7 +75,7 @@ def with_settings(command: Callable[[dict[str, Any], Path | None], None]) -> Cal
 
 
 def _parameter(name: str, kind: object, option: object) -> inspect.Parameter:
-    annotation = Annotated[kind, option]  # type: ignore[valid-type]
+    annotation = Annotated[kind, option]  # type: ignore[valid-type]  # made at run time, for typer
     return inspect.Parameter(name, inspect.Parameter.KEYWORD_ONLY, default=None, annotation=annotation)
 
 

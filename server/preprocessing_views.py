@@ -41,8 +41,8 @@ def _chain(info: ChainInfo) -> ChainOut:
     return ChainOut.model_validate(fields)
 
 
-def mag_learning_out(board: Board, _now_s: float) -> MagLearningOut:
-    """Return the switches and what was learned."""
+def mag_learning_out(board: Board) -> MagLearningOut:
+    """Return the switches and what was learned: gauss, body FRD; as long as nothing was, None."""
     run, apply = board.mag_learning_switches
     state = board.mag_learning()
     learned = None if state is None or state.t_ns < 0 else _learned(board, state)

@@ -16,7 +16,7 @@ STOP_S: Final = 3  # how long open requests may take to end
 class QuietServer(uvicorn.Server):
     """uvicorn that says when it listens."""
 
-    def __init__(self, app: Any, on_started: Callable[[], None]) -> None:  # noqa: ANN401
+    def __init__(self, app: Any, on_started: Callable[[], None]) -> None:  # noqa: ANN401  # uvicorn's own
         config = uvicorn.Config(
             app,
             lifespan="off",

@@ -190,7 +190,7 @@ def _lanes(view: BoardView) -> Iterator[VerdictOut]:
         yield _line(severity, "lane-put-aside", f"lane:{name}", cause, PUT_ASIDE_REMEDY)
     for lane in view.snapshot.lanes if view.snapshot is not None else ():
         if lane.lane not in failures:
-            yield from _lane(view, lane) if lane.lane == view.lanes[0] else _other_lane(lane)
+            yield from _lane(lane) if lane.lane == view.lanes[0] else _other_lane(lane)
 
 
 def _other_lane(lane: LaneState) -> Iterator[VerdictOut]:
@@ -210,7 +210,7 @@ def _site(view: BoardView) -> Iterator[VerdictOut]:
         yield _line("caution", "magnetic-model-date", "mag", cause, remedy, decimal_year=site.decimal_year)
 
 
-def _lane(view: BoardView, lane: LaneState) -> Iterator[VerdictOut]:
+def _lane(lane: LaneState) -> Iterator[VerdictOut]:
     status, subject = lane_status(lane), f"lane:{lane.lane}"
     if status is LaneStatus.FAILED:
         cause = "The estimator gave up: its state was no longer consistent."

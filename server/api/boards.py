@@ -7,8 +7,8 @@ from typing import Annotated, Any
 from fastapi import APIRouter, Query, Request, Response
 
 from server.api.context import BoardDep, ContextDep, not_known
-from server.api.errors import error_from_refusal
-from server.commands import AddBoard, ChooseLanes, ReconnectBoard, Refusal, RemoveBoard, SetLaneParameters
+from server.api.errors import error_from_refusal, granted
+from server.commands import AddBoard, ChooseLanes, ReconnectBoard, RemoveBoard, SetLaneParameters
 from server.lane_commands import no_lane, not_running
 from server.rows import lane_of, message, packed
 from server.view_parts import choices_out
@@ -36,9 +36,8 @@ async def add_board(body: BoardIn, context: ContextDep, request: Request, respon
 
     Files may only be named below the data folder, so that this is no way to read others.
     """
-    reply = await context.boards.add(AddBoard(url=body.url, system=body.system, component=body.component))
-    if isinstance(reply, Refusal):
-        raise error_from_refusal(reply)
+    command = AddBoard(url=body.url, system=body.system, component=body.component)
+    reply = granted(await context.boards.add(command))
     board = context.boards.get(reply.board_id)
     if board is None:
         raise not_known("board", reply.board_id, [])
@@ -55,17 +54,13 @@ async def get_board(board: BoardDep) -> BoardOut:
 @router.delete("/{board_id}", status_code=204, responses=NOT_FOUND)
 async def remove_board(board_id: str, context: ContextDep) -> None:
     """Close the link of a board and forget the board."""
-    reply = await context.boards.remove(RemoveBoard(board_id=board_id))
-    if isinstance(reply, Refusal):
-        raise error_from_refusal(reply)
+    granted(await context.boards.remove(RemoveBoard(board_id=board_id)))
 
 
 @router.post("/{board_id}/reconnect", status_code=202, responses=NOT_FOUND)
 async def reconnect_board(board_id: str, board: BoardDep, context: ContextDep) -> BoardOut:
     """Close the link and open it anew; a board that had failed starts afresh."""
-    reply = await context.boards.reconnect(ReconnectBoard(board_id=board_id))
-    if isinstance(reply, Refusal):
-        raise error_from_refusal(reply)
+    granted(await context.boards.reconnect(ReconnectBoard(board_id=board_id)))
     return board_out(board.view())
 
 
@@ -92,9 +87,7 @@ async def put_lanes(board: BoardDep, body: LanesIn, context: ContextDep) -> Lane
 
     The choice outlives a reconnection and a reboot of the board. One that failed starts again.
     """
-    reply = await context.boards.choose_lanes(ChooseLanes(board_id=board.id, lanes=body.lanes))
-    if isinstance(reply, Refusal):
-        raise error_from_refusal(reply)
+    granted(await context.boards.choose_lanes(ChooseLanes(board_id=board.id, lanes=body.lanes)))
     return choices_out(board.view())
 
 
@@ -102,9 +95,7 @@ async def put_lanes(board: BoardDep, body: LanesIn, context: ContextDep) -> Lane
 async def patch_parameters(board: BoardDep, lane: str, body: ParametersIn, context: ContextDep) -> LanesOut:
     """Change numbers of one estimator, running or not, from its next step on; its state stays."""
     command = SetLaneParameters(board_id=board.id, lane=lane, values=body.root)
-    reply = await context.boards.set_lane_parameters(command)
-    if isinstance(reply, Refusal):
-        raise error_from_refusal(reply)
+    granted(await context.boards.set_lane_parameters(command))
     return choices_out(board.view())
 
 

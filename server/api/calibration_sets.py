@@ -3,24 +3,22 @@
 from __future__ import annotations
 
 from datetime import UTC, datetime
-from typing import Annotated, Any, TypeVar
+from typing import Annotated, Any
 
 from fastapi import APIRouter, Depends, Query, Response
 
 from server.api.calibrations import CONFLICT, NOT_FOUND, person
 from server.api.context import BoardDep, ContextDep, RoleDep
-from server.api.errors import ApiError, error_from_refusal
+from server.api.errors import ApiError, granted
 from server.board import Board
 from server.calibration.errors import ExchangeError
 from server.calibration.exchange import export_calibration, import_calibration, read_parameters
 from server.calibration.exchange.export import Format
 from server.calibration.sets import StoredSets
 from server.calibration_views import change_out, set_out, sets_out
-from server.commands import Refusal
 from server.nav.calibration.types import Sensor
 from server.wire_calibration_sets import DiffOut, ExportIn, ImportedOut, ImportIn, SensorIn, SetOut, SetsOut, WarningOut
 
-T = TypeVar("T")
 Responses = dict[int | str, dict[str, Any]]
 router = APIRouter(prefix="/api/v1/boards/{board_id}/calibration-sets", tags=["calibration"])
 TEXT: Responses = {200: {"content": {"text/plain": {"schema": {"type": "string"}}}}}
@@ -34,16 +32,10 @@ def _sets(context: ContextDep) -> StoredSets:
 SetsDep = Annotated[StoredSets, Depends(_sets)]
 
 
-def _granted(reply: T | Refusal) -> T:
-    if isinstance(reply, Refusal):
-        raise error_from_refusal(reply)
-    return reply
-
-
 async def _all(board: Board, stored: StoredSets) -> SetsOut:
-    found = _granted(await stored.sets(board.id))
-    in_force = _granted(await stored.in_force(board.id))
-    targets = _granted(await stored.roll_back_targets(board.id))
+    found = granted(await stored.sets(board.id))
+    in_force = granted(await stored.in_force(board.id))
+    targets = granted(await stored.roll_back_targets(board.id))
     return sets_out(board.id, board.calibration, found, in_force, targets, stored.troubles)
 
 
@@ -72,7 +64,7 @@ async def import_sets(
         )
     except ExchangeError as error:
         raise ApiError(422, "unreadable-calibration", str(error), "Choose another file.") from error
-    kept = _granted(await stored.add(given.sets))
+    kept = granted(await stored.add(given.sets))
     return ImportedOut(
         format=given.form,
         added=tuple(one.id for one in kept),
@@ -94,7 +86,7 @@ async def export_composed(board: BoardDep, body: ExportIn, stored: SetsDep, cont
 
 
 async def _file(board: Board, stored: StoredSets, version: str, form: Format, board_text: str) -> Response:
-    in_force = _granted(await stored.in_force(board.id))
+    in_force = granted(await stored.in_force(board.id))
     try:
         made = export_calibration(
             form,
@@ -113,40 +105,40 @@ async def _file(board: Board, stored: StoredSets, version: str, form: Format, bo
 @router.post("/roll-back", status_code=202, responses=NOT_FOUND | CONFLICT)
 async def roll_back(board: BoardDep, body: SensorIn, stored: SetsDep, role: RoleDep) -> SetsOut:
     """Put in force what was in force on this sensor before; again for the one before that."""
-    _granted(await stored.roll_back(board, Sensor(body.sensor), person(role)))
+    granted(await stored.roll_back(board, Sensor(body.sensor), person(role)))
     return await _all(board, stored)
 
 
 @router.post("/take-off", status_code=202, responses=NOT_FOUND | CONFLICT)
 async def take_off(board: BoardDep, body: SensorIn, stored: SetsDep, role: RoleDep) -> SetsOut:
     """Have this sensor work without a calibration of ours; its sets stay."""
-    _granted(await stored.take_off(board, Sensor(body.sensor), person(role)))
+    granted(await stored.take_off(board, Sensor(body.sensor), person(role)))
     return await _all(board, stored)
 
 
 @router.get("/{set_id}", responses=NOT_FOUND)
 async def get_set(board: BoardDep, set_id: str, stored: SetsDep) -> SetOut:
     """Return one set."""
-    found = _granted(await stored.get(board.id, set_id))
-    in_force = _granted(await stored.in_force(board.id))
+    found = granted(await stored.get(board.id, set_id))
+    in_force = granted(await stored.in_force(board.id))
     return set_out(found, in_force)
 
 
 @router.get("/{set_id}/diff/{other_id}", responses=NOT_FOUND | CONFLICT)
 async def diff_sets(board: BoardDep, set_id: str, other_id: str, stored: SetsDep) -> DiffOut:
     """Compare two sets of one sensor, from the first to the second."""
-    changes = _granted(await stored.diff(board.id, set_id, other_id))
+    changes = granted(await stored.diff(board.id, set_id, other_id))
     return DiffOut(old_id=set_id, new_id=other_id, changes=tuple(change_out(one) for one in changes))
 
 
 @router.post("/{set_id}/apply", status_code=202, responses=NOT_FOUND | CONFLICT)
 async def apply_set(board: BoardDep, set_id: str, stored: SetsDep, role: RoleDep) -> SetsOut:
     """Put a stored set in force."""
-    _granted(await stored.apply(board, set_id, person(role)))
+    granted(await stored.apply(board, set_id, person(role)))
     return await _all(board, stored)
 
 
 @router.delete("/{set_id}", status_code=204, responses=NOT_FOUND | CONFLICT)
 async def delete_set(board: BoardDep, set_id: str, stored: SetsDep) -> None:
     """Forget a set that is not in force."""
-    _granted(await stored.delete(board.id, set_id))
+    granted(await stored.delete(board.id, set_id))

@@ -8,7 +8,7 @@ from typing import Annotated, Any, Literal
 from fastapi import APIRouter, Depends, Request, Response
 
 from server.api.context import BoardDep, ContextDep, RoleDep
-from server.api.errors import error_from_refusal
+from server.api.errors import granted
 from server.calibration.job import Job
 from server.calibration.keeper import Person
 from server.calibration.service import Calibrations
@@ -38,9 +38,7 @@ def person(role: Role | None) -> Person:
 
 
 def _out(reply: Job | Refusal) -> JobOut:
-    if isinstance(reply, Refusal):
-        raise error_from_refusal(reply)
-    return job_out(reply, time.monotonic())
+    return job_out(granted(reply), time.monotonic())
 
 
 @router.get("/calibration-codes")
@@ -79,9 +77,7 @@ async def act_on_job(board: BoardDep, job_id: str, action: Action, service: Cali
     cancel ends it; confirm fits what was collected so far (a refused attempt loses nothing); verify judges the result
     on fresh data; apply stores the result and puts it in force.
     """
-    job = service.job(board.id, job_id)
-    if isinstance(job, Refusal):
-        raise error_from_refusal(job)
+    job = granted(service.job(board.id, job_id))
     if action == "apply":
         return _out(await service.apply(job, person(role)))
     return _out({"cancel": service.cancel, "confirm": service.confirm, "verify": service.verify}[action](job))

@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 import logging
-from typing import Final
+from typing import Final, TypeVar
 
 from fastapi import FastAPI, Request
 from fastapi.exceptions import RequestValidationError
@@ -15,6 +15,7 @@ from server.commands import Refusal, RefusalKind
 from server.problems import problem, problem_response, refuse
 from server.wire_base import Problem, ProblemError
 
+T = TypeVar("T")
 log = logging.getLogger("navdeck.api")
 STATUS: Final = {RefusalKind.INVALID: 422, RefusalKind.MISSING: 404, RefusalKind.CONFLICT: 409}
 CODES: Final = {404: "not-found", 405: "method-not-allowed"}
@@ -37,6 +38,17 @@ def error_from_refusal(refusal: Refusal) -> ApiError:
         offending = ProblemError(name=refusal.name, value=refusal.value[:SHOWN], detail=refusal.detail)
         error.problem = error.problem.model_copy(update={"errors": (offending,)})
     return error
+
+
+def granted(reply: T | Refusal) -> T:
+    """Return what a command answered.
+
+    Raises:
+        ApiError: it was refused.
+    """
+    if isinstance(reply, Refusal):
+        raise error_from_refusal(reply)
+    return reply
 
 
 def problem_from_validation(error: RequestValidationError) -> Problem:

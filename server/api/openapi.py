@@ -7,6 +7,7 @@ import sys
 from typing import Any, Final
 
 from fastapi import FastAPI
+from pydantic.json_schema import JsonSchemaMode
 
 from server.wire_stream import (
     DataOut,
@@ -35,8 +36,8 @@ def openapi_of(app: FastAPI) -> Json:
             if int(status) >= 400 and "application/json" in content:
                 content["application/problem+json"] = content.pop("application/json")
     for body in STREAM_BODIES:
-        mode = "validation" if body.__name__.endswith("In") else "serialization"
-        own: Json = body.model_json_schema(ref_template=REF + "{model}", mode=mode)  # type: ignore[arg-type]
+        mode: JsonSchemaMode = "validation" if body.__name__.endswith("In") else "serialization"
+        own: Json = body.model_json_schema(ref_template=REF + "{model}", mode=mode)
         schema["components"]["schemas"] = own.pop("$defs", {}) | schema["components"]["schemas"] | {body.__name__: own}
     app.openapi_schema = schema
     return schema

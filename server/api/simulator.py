@@ -6,8 +6,7 @@ from fastapi import APIRouter
 
 from server.api.boards import CONFLICT, NOT_FOUND
 from server.api.context import BoardDep
-from server.api.errors import error_from_refusal
-from server.commands import Refusal
+from server.api.errors import granted
 from server.simulator_commands import control_simulator
 from server.wire_simulator import SimulatorIn, SimulatorOut
 
@@ -17,7 +16,7 @@ router = APIRouter(prefix="/api/v1/boards/{board_id}/simulator", tags=["simulato
 @router.get("", responses=NOT_FOUND | CONFLICT)
 async def get_simulator(board: BoardDep) -> SimulatorOut:
     """Return what the demo board does now."""
-    return _answered(await control_simulator(board))
+    return granted(await control_simulator(board))
 
 
 @router.post("", status_code=202, responses=NOT_FOUND | CONFLICT)
@@ -26,10 +25,4 @@ async def post_simulator(board: BoardDep, body: SimulatorIn) -> SimulatorOut:
 
     A motion ends the one before and takes the board out of its flight; `fly` takes it back.
     """
-    return _answered(await control_simulator(board, body.command()))
-
-
-def _answered(reply: SimulatorOut | Refusal) -> SimulatorOut:
-    if isinstance(reply, Refusal):
-        raise error_from_refusal(reply)
-    return reply
+    return granted(await control_simulator(board, body.command()))

@@ -6,6 +6,7 @@ import asyncio
 import logging
 import time
 from collections.abc import Callable, Iterable, Mapping
+from functools import partial
 from typing import TYPE_CHECKING, Final
 
 from server.calibration.errors import DEFECTS
@@ -97,7 +98,7 @@ class Driver:
     def _feed(self, active: list[Job], result: StepResult, mag_scale: float, now_s: float) -> None:
         for run in runs(result.block, mag_scale, self._board.converted):
             for job in active:
-                self._guarded(job, lambda one, run=run: self._hand(one, run, now_s), now_s)  # type: ignore[misc]
+                self._guarded(job, partial(self._hand, run=run, now_s=now_s), now_s)
 
     def _hand(self, job: Job, run: Run, now_s: float) -> None:
         """Feed a job and its file; what comes while it fits waits, so that a refused attempt leaves no hole."""
@@ -146,7 +147,7 @@ def fitted(collector: Collector, job: Job) -> tuple[Fit, Check | None]:
     try:
         fit = collector.fit()
         present = collector.check(in_words_of(job.kind, job.present)) if fit.ok and has_present(job) else None
-    except DEFECTS as error:  # a defect of ours: the job says so
+    except DEFECTS as error:  # as in `Driver._guarded`, but in a thread: the job says so
         log.error("calibration %s failed", job.id, exc_info=error)
         return Fit(kind=job.kind, failure=failure("program")), None
     return fit, present

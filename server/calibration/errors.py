@@ -18,15 +18,18 @@ STORE_CODES: Final[dict[str, int]] = {
 
 
 DEFECTS: Final = (
-    ArithmeticError,
-    AttributeError,
-    LookupError,
-    MemoryError,
-    RuntimeError,
-    TypeError,
-    ValueError,
+    ArithmeticError,  # a division by a spread or a norm that is 0, an overflow
+    AttributeError,  # of None, where a result was taken for granted
+    LookupError,  # an index past the samples, a parameter that is not there
+    MemoryError,  # hours of samples in one fit
+    RuntimeError,  # a search that does not come to an end
+    TypeError,  # a kernel called with another type than it was compiled for
+    ValueError,  # shapes that do not fit; NumPy's LinAlgError, SciPy's refusal of NaN
 )
-"""What a defect of a collector raises: the job ends with it, and nothing else."""
+"""What a defect of a collector raises: the job ends with it, and nothing else.
+
+All that arithmetic on samples can raise, hence this wide; not `Exception`: a failing disk (OSError) is no such defect.
+"""
 
 
 class StoreError(Exception):

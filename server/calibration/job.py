@@ -132,7 +132,10 @@ class Job:
         return self._progress
 
     def feed(self, kind: Kind, t_ns: Int, rows: Float, now_s: float) -> None:
-        """Take samples, raw, the magnetometer's in gauss, in order of arrival; ignored where none are collected."""
+        """Take samples of one kind in order of arrival; ignored where none are collected.
+
+        `t_ns` (n,) are board time; `rows` (n, ROW_WIDTH) as `SAMPLE_COLUMNS[kind]`: raw, SI, body FRD, mag in gauss.
+        """
         if self.state not in COLLECTS and self.state is not JobState.VERIFYING:
             return
         if kind is INPUT_OF[self.sensor]:

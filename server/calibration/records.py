@@ -90,3 +90,11 @@ def set_from_fit(fit: Fit, *, board_id: str, present: Calibration, **provenance:
         "details": dict(fit.details),
     }
     return CalibrationSet(**{**fields, **provenance})
+
+
+def composed(in_force: Mapping[Sensor, CalibrationSet]) -> Calibration:
+    """Return the sets as preprocessing takes them; sensors without a set are left as they are."""
+    whole = Calibration()
+    for sensor, kept in in_force.items():
+        whole = whole.having(sensor, kept.parameters)
+    return whole

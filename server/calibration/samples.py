@@ -20,7 +20,7 @@ from server.nav.types import SAMPLE_COLUMNS, Float, Int, Kind
 
 FILES: Final = {Kind.IMU: "imu.csv", Kind.MAG: "mag.csv", Kind.BARO: "baro.csv", Kind.AIRSPEED: "airspeed.csv"}
 """The kinds that are kept; others are not needed for a fit."""
-MAX_BYTES: Final = 200_000_000
+MAX_BYTES: Final = 200_000_000  # of one job
 MAX_PENDING_ROWS: Final = 400_000  # ten minutes of a fast board that no disk took
 
 

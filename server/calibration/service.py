@@ -42,7 +42,6 @@ if TYPE_CHECKING:
 log = logging.getLogger("navdeck.calibration")
 JOBS_KEPT: Final = 30  # of one board; the oldest that is not active is forgotten
 STREAMED_JOBS: Final = 8
-MAX_SAMPLE_BYTES: Final = 200_000_000  # of one job
 
 
 class Calibrations:
@@ -91,8 +90,7 @@ class Calibrations:
         if board is None:
             return no_board(board_id)
         kind = CalKind(wish.kind)
-        holder = next((job for job in self._jobs.get(board_id, []) if job.is_active and clash(job, kind)), None)
-        if holder is not None:
+        if (holder := self._holder(board_id, kind)) is not None:
             return busy(holder)
         try:
             job = self._new_job(board, kind, wish, by)
@@ -103,6 +101,9 @@ class Calibrations:
         self._enlist(board, job)
         board.note("calibration-started", "info", f"Calibration {kind.value} started.")
         return job
+
+    def _holder(self, board_id: str, kind: CalKind) -> Job | None:
+        return next((job for job in self._jobs.get(board_id, []) if job.is_active and clash(job, kind)), None)
 
     def _new_job(self, board: Board, kind: CalKind, wish: CalibrationIn, by: Person) -> Job:
         self._count += 1
@@ -137,7 +138,7 @@ class Calibrations:
 
     def _sample_file(self, job: Job) -> SampleFile | None:
         try:
-            file = SampleFile(self.keeper.samples_folder(job.board_id, job.id), max_bytes=MAX_SAMPLE_BYTES)
+            file = SampleFile(self.keeper.samples_folder(job.board_id, job.id))
         except OSError as error:
             log.warning("raw samples of %s are not kept: %s", job.id, error)
             return None
@@ -195,8 +196,7 @@ class Calibrations:
             return wrong_state(job, "verify", "fitted or applied")
         if job.is_applying:
             return applying(job)
-        holder = next((one for one in self._jobs[job.board_id] if one.is_active and clash(one, job.kind)), None)
-        if holder is not None:
+        if (holder := self._holder(job.board_id, job.kind)) is not None:
             return busy(holder)
         job.begin_verification(time.monotonic())
         self._drive(board)

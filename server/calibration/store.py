@@ -24,7 +24,7 @@ from typing import Final
 from server.calibration.diff import Change
 from server.calibration.diff import diff as difference
 from server.calibration.errors import StoreError
-from server.calibration.records import CalibrationSet
+from server.calibration.records import CalibrationSet, composed
 from server.calibration.store_access import Access
 from server.calibration.store_file import open_store
 from server.calibration.store_history import NONE, Applied, roll_back_target
@@ -202,10 +202,7 @@ class CalibrationStore:
 
     def calibration(self, board_id: str) -> Calibration:
         """Return what is in force as preprocessing takes it; sensors without a set are left as they are."""
-        whole = Calibration()
-        for sensor, kept in self.in_force(board_id).items():
-            whole = whole.having(sensor, kept.parameters)
-        return whole
+        return composed(self.in_force(board_id))
 
     def diff(self, board_id: str, old_id: str, new_id: str) -> tuple[Change, ...]:
         """Return two sets side by side, number by number; "" stands for no calibration.

@@ -154,7 +154,7 @@ def salvaged(aside: Path, table: str) -> Iterator[tuple[object, ...]]:
     """Yield the rows of a damaged file that can still be read, oldest first, as `TABLES` names the columns."""
     uri = f"{aside.absolute().as_uri()}?mode=ro&immutable=1"
     with contextlib.suppress(sqlite3.DatabaseError), contextlib.closing(sqlite3.connect(uri, uri=True)) as connection:
-        yield from connection.execute(f"SELECT {', '.join(TABLES[table])} FROM {table}")  # noqa: S608 - own names
+        yield from connection.execute(f"SELECT {', '.join(TABLES[table])} FROM {table}")  # noqa: S608  # constants of `TABLES`
 
 
 def is_locked(error: sqlite3.Error) -> bool:

@@ -16,7 +16,6 @@ from server.replay.interpolate import MAX_GAP_NS, sampled
 Stamps = Literal["lane stamps", "reference stamps"]
 
 _SIGMA: Final = LANE_COLUMNS.index("sigma_att_x_rad")
-_NO_SIGMA: Final = np.full((1, 9), np.nan)
 
 
 @dataclass(frozen=True, slots=True, kw_only=True, eq=False)

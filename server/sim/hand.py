@@ -36,7 +36,7 @@ PHASE_RAD: Final = np.array([[0.0, 1.9, 4.1], [2.2, 0.4, 5.3], [3.6, 5.0, 1.1]])
 
 @dataclass(frozen=True, slots=True, kw_only=True, eq=False)
 class Start:
-    """How the board is when a hand takes it: position and its derivatives NED, attitude and rate."""
+    """How the board is when a hand takes it: place and its derivatives NED, rate FRD, (3,) each; attitude (4,)."""
 
     pos_n_m: Float
     vel_n_m_s: Float
@@ -146,8 +146,9 @@ class Hand:
 
 
 def carried_home(start: Start) -> tuple[tuple[Polynomial, ...], float]:
-    """Return the way home, at rest there, and how long it takes: quintic, gentle enough for a hand on the run.
+    """Return the way home (north, east, down in m over s), at rest there, and how many s it takes.
 
+    Quintic, gentle enough for a hand on the run.
     A minimum-jerk way of length d in T has accelerations up to 5.8 d/T²: 5 m/s² here.
     """
     away_m, speed_m_s = float(np.linalg.norm(start.pos_n_m)), float(np.linalg.norm(start.vel_n_m_s))

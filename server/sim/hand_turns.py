@@ -64,12 +64,12 @@ def eased(t_s: Float, duration_s: float, ramp_s: float) -> Float:
 
 
 def hold(q_nb: Float, duration_s: float) -> Turn:
-    """Return rest."""
+    """Return rest in an attitude, shape (4,)."""
     return Turn(duration_s=duration_s, q_nb=lambda t: np.repeat(q_nb[None], t.size, axis=0))
 
 
 def coast(q_nb: Float, rate_b_rad_s: Float) -> Turn:
-    """Return the end of a turn that had this rate."""
+    """Return the end of a turn that had this rate, shape (3,), body FRD."""
     return Turn(
         duration_s=COAST_S,
         q_nb=lambda t: quat.product(
@@ -79,7 +79,7 @@ def coast(q_nb: Float, rate_b_rad_s: Float) -> Turn:
 
 
 def move(q_nb: Float, vector_b_rad: Float, least_s: float = HAND_S) -> Turn:
-    """Return the hand's way by a rotation vector: minimum jerk, never faster than `HAND_RAD_S`."""
+    """Return the hand's way by a rotation vector, (3,), body FRD: minimum jerk, never faster than `HAND_RAD_S`."""
     angle = float(np.linalg.norm(vector_b_rad))
     duration_s = max(HAND_S, least_s, 1.875 * angle / HAND_RAD_S)
     return Turn(
@@ -89,7 +89,7 @@ def move(q_nb: Float, vector_b_rad: Float, least_s: float = HAND_S) -> Turn:
 
 
 def lay(q_nb: Float, down_b: Float, least_s: float = HAND_S) -> Turn:
-    """Return the shortest way to have `down_b`, a unit vector, point down."""
+    """Return the shortest way to have `down_b`, a unit vector of shape (3,), body FRD, point down."""
     present_b = quat.matrices(q_nb[None])[0][2]
     return move(q_nb, quat.between(down_b, present_b), least_s)
 

@@ -45,7 +45,7 @@ class _Route:
     def stay(self, duration_s: float) -> None:
         """Append a stop."""
         t, *place = self.rows[-1]
-        self.rows.append((t + duration_s, *place))  # type: ignore[arg-type]
+        self.rows.append((t + duration_s, *place))  # type: ignore[arg-type]  # the four others of a row
 
     def turn(self, duration_s: float, yaw_rad: float) -> None:
         """Append a turn on the spot to an unwrapped heading."""

@@ -35,7 +35,7 @@ class Pitot:
         self._last: Float | None = None
 
     def step(self, state: TruthState, is_windy: bool) -> Float:
-        """Return the values in force at the start, middle and end of a block of 200 ticks, Pa.
+        """Return the values in force at the start, middle and end of a block of 200 ticks, Pa, shape (3,).
 
         Args:
             state: truth of the block, 201 rows.

@@ -73,7 +73,7 @@ def sim_settings(url: str) -> SimSettings:
             if name in values:
                 raise ValueError(f"sim: {key} is given twice; leave one of them out")
             values[name] = value
-    return SimSettings(outages_s=tuple(sorted(outages)), **values)  # type: ignore[arg-type]
+    return SimSettings(outages_s=tuple(sorted(outages)), **values)  # type: ignore[arg-type]  # `_option` checks each
 
 
 def _option(key: str, text: str) -> tuple[str, float | str]:

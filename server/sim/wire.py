@@ -27,7 +27,7 @@ class Message:
         self.extra = bytes([definition.crc_extra])
         self._pack = definition.unpacker.pack
 
-    def payload(self, *values: Any) -> bytes:  # noqa: ANN401
+    def payload(self, *values: Any) -> bytes:  # noqa: ANN401  (numbers and texts, as the kind has them)
         """Return the payload without its trailing zeros, at least one byte."""
         packed: bytes = self._pack(*values)
         return packed.rstrip(b"\0") or b"\0"

@@ -69,7 +69,7 @@ def test_undoing_the_true_errors_gives_the_true_values_in_every_pose() -> None:
 
 
 def test_while_it_turns_the_raw_rates_are_the_true_ones_through_matrix_and_offset() -> None:
-    sensors, ideal = (Sensors(SimSettings(noise=0.0, errors=errors)) for errors in ("raw", "calibrated"))  # type: ignore[arg-type]
+    sensors, ideal = (Sensors(SimSettings(noise=0.0, errors=errors)) for errors in ("raw", "calibrated"))
     truth = undone(sensors.truth_errors)
     for one in (sensors, ideal):
         one.stage.take(Spin())
@@ -126,7 +126,7 @@ def test_a_board_without_a_tube_gives_no_airspeed() -> None:
 
 
 def test_the_barometer_reads_120_pascal_more() -> None:
-    cared_for, raw = (SimStream(SimSettings(errors=errors)) for errors in ("calibrated", "raw"))  # type: ignore[arg-type]
+    cared_for, raw = (SimStream(SimSettings(errors=errors)) for errors in ("calibrated", "raw"))
     pressure = [decoded(one, Kind.BARO, 8.0)[:, 0] for one in (cared_for, raw)]
     np.testing.assert_allclose(pressure[1] - pressure[0], 120.0, atol=0.02)
 

@@ -53,7 +53,7 @@ class Affine:
 
 
 def rotation_from_euler(roll_rad: float, pitch_rad: float, yaw_rad: float) -> Float:
-    """Return R = Rz(yaw) Ry(pitch) Rx(roll), shape (3, 3), as both autopilots' `from_euler` has it."""
+    """Return R = Rz(yaw) Ry(pitch) Rx(roll), shape (3, 3), turned axes to body, as both autopilots' `from_euler`."""
     return matrix_from_quat(quat_from_euler(roll_rad, pitch_rad, yaw_rad))
 
 
@@ -64,19 +64,19 @@ def euler_from_rotation(R: Float) -> tuple[float, float, float]:
 
 
 def board_rotation(number: float) -> Float | None:
-    """Return the rotation from sensor to body axes of MAV_SENSOR_ORIENTATION, None for one that is not in the table."""
+    """Return the rotation from sensor to body axes of MAV_SENSOR_ORIENTATION, shape (3, 3); None = not in the table."""
     if number != int(number) or not 0 <= number < len(_EULER_DEG):
         return None
     return rotation_from_euler(*np.radians(_EULER_DEG[int(number)]).tolist()).round(15)
 
 
 def symmetric(xx_yy_zz: Float, xy_xz_yz: Float) -> Float:
-    """Return the symmetric matrix, shape (3, 3), of its diagonal and off-diagonal terms."""
+    """Return the symmetric matrix, shape (3, 3), of its diagonal and off-diagonal terms, shape (3,) each."""
     a, b, c = xy_xz_yz
     matrix: Float = np.diag(xx_yy_zz) + np.array([[0.0, a, b], [a, 0.0, c], [b, c, 0.0]])
     return matrix
 
 
 def off_diagonal(matrix: Float) -> Float:
-    """Return (xy, xz, yz) of a symmetric matrix."""
+    """Return (xy, xz, yz), shape (3,), of a symmetric matrix, shape (3, 3)."""
     return np.array([matrix[0, 1], matrix[0, 2], matrix[1, 2]])

@@ -12,7 +12,7 @@ from server.calibration.exchange import ardupilot, px4
 from server.calibration.exchange.c_header import c_header
 from server.calibration.exchange.native import native_text
 from server.calibration.exchange.parameters import Found, Parameters, Warned, comment_lines, float32_text
-from server.calibration.records import CalibrationSet
+from server.calibration.records import CalibrationSet, composed
 from server.nav.calibration.applied import Calibration
 from server.nav.calibration.types import Sensor, Value
 
@@ -86,14 +86,6 @@ def export_calibration(
         parameters=dict(found.parameters),
         warnings=tuple(found.warnings),
     )
-
-
-def composed(in_force: Mapping[Sensor, CalibrationSet]) -> Calibration:
-    """Return the sets as preprocessing takes them."""
-    whole = Calibration()
-    for sensor, kept in in_force.items():
-        whole = whole.having(sensor, kept.parameters)
-    return whole
 
 
 def _parameter_text(form: str, found: Found, about: Iterable[str]) -> str:

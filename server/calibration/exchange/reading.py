@@ -4,7 +4,7 @@ from __future__ import annotations
 
 from collections.abc import Mapping
 from dataclasses import dataclass, replace
-from typing import Final
+from typing import Any, Final
 
 from server.calibration.errors import ExchangeError
 from server.calibration.exchange import ardupilot, px4
@@ -47,7 +47,7 @@ def import_calibration(
     Raises:
         ExchangeError: the file is none of the formats, or damaged.
     """
-    given: dict[str, str] = {"board_id": board_id, "created_by": created_by}
+    given: dict[str, Any] = {"board_id": board_id, "created_by": created_by}
     if text.lstrip("\ufeff \r\n\t").startswith("{"):
         return Imported(form="native", sets=tuple(_adopted(kept, name, given) for kept in from_native(text)))
     parameters = read_parameters(text)
@@ -75,12 +75,12 @@ def form_of(parameters: Parameters) -> str:
     raise ExchangeError("The file has no calibration parameter of ArduPilot or PX4. Save all parameters of the board.")
 
 
-def _set(sensor: Sensor, values: Mapping[str, Value], given: Mapping[str, str]) -> CalibrationSet:
-    return CalibrationSet(sensor=sensor, kind="import", parameters=values, **given)  # type: ignore[arg-type]
+def _set(sensor: Sensor, values: Mapping[str, Value], given: Mapping[str, Any]) -> CalibrationSet:
+    return CalibrationSet(sensor=sensor, kind="import", parameters=values, **given)
 
 
-def _adopted(kept: CalibrationSet, name: str, given: Mapping[str, str]) -> CalibrationSet:
+def _adopted(kept: CalibrationSet, name: str, given: Mapping[str, Any]) -> CalibrationSet:
     """Return a set from elsewhere as one of this board: new id, and where it was from in the note."""
     origin = f"from {name}: set {kept.id} of board {kept.board_id}, made by {kept.created_by}"
     note = f"{kept.note}; {origin}" if kept.note else origin
-    return replace(kept, id="", samples_file="", source="import:native", note=note, **given)  # type: ignore[arg-type]
+    return replace(kept, id="", samples_file="", source="import:native", note=note, **given)
